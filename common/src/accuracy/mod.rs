@@ -1,0 +1,1 @@
+//! Truth, errors, percentiles, tables.

@@ -1,0 +1,1 @@
+//! Signal delays in ionosphere and troposphere.

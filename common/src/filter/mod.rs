@@ -1,0 +1,30 @@
+//! The joint Kalman filter over K ≥ 1 phones; the agent's local filter is the case K = 1.
+
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+
+use crate::frames::{Ecef, EcefVector};
+
+/// States of one phone: position, velocity, acceleration, three ECEF components each.
+pub const STATES_PER_PHONE: usize = 9;
+
+/// One phone's part of a filter's state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PhoneState {
+    /// Position (m), velocity (m/s), acceleration (m/s²), ECEF.
+    pub mean: SVector<f64, STATES_PER_PHONE>,
+    /// Its covariance.
+    pub covariance: SMatrix<f64, STATES_PER_PHONE, STATES_PER_PHONE>,
+}
+
+impl PhoneState {
+    /// Position, m.
+    pub fn position(&self) -> Ecef {
+        Ecef::new(self.mean[0], self.mean[1], self.mean[2])
+    }
+
+    /// Velocity, m/s.
+    pub fn velocity(&self) -> EcefVector {
+        EcefVector::new(self.mean[3], self.mean[4], self.mean[5])
+    }
+}

@@ -1,0 +1,64 @@
+//! Receiver autonomous integrity monitoring (Cappello 2023).
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// The outcome of RAIM at one epoch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Verdict {
+    /// Global test passed, geometry within limits.
+    Reliable,
+    /// A solution exists but must not be relied on.
+    Unreliable(Cause),
+    /// No redundancy: m − n = 0, or no solution at all.
+    CannotBeChecked,
+}
+
+/// Why a solution is unreliable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Cause {
+    /// The global test failed and there are too few measurements to exclude one.
+    InsufficientRedundancy,
+    /// A dilution of precision is beyond its limit.
+    Geometry,
+    /// A protection level is beyond its alarm limit.
+    AlarmLimit,
+    /// The global test still fails after all permitted exclusions.
+    TestsFailed,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Reliable => "reliable",
+            Self::Unreliable(Cause::InsufficientRedundancy) => "unreliable: insufficient redundancy",
+            Self::Unreliable(Cause::Geometry) => "unreliable: geometry",
+            Self::Unreliable(Cause::AlarmLimit) => "unreliable: alarm limit",
+            Self::Unreliable(Cause::TestsFailed) => "unreliable: tests failed",
+            Self::CannotBeChecked => "cannot be checked",
+        })
+    }
+}
+
+/// A verdict with the figures behind it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RaimReport {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// The last global test, when it could be made.
+    pub global_test: Option<GlobalTest>,
+    /// How many signals were excluded.
+    pub excluded: u16,
+}
+
+/// D = rᵀWr against a χ² quantile.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GlobalTest {
+    /// D.
+    pub statistic: f64,
+    /// χ²(1 − P_fa, dof).
+    pub threshold: f64,
+    /// m − n.
+    pub degrees_of_freedom: u16,
+}

@@ -1,0 +1,60 @@
+//! From raw to corrected observations: masks, corrections, stochastic models.
+
+use serde::{Deserialize, Serialize};
+
+use crate::frames::{Direction, Ecef, EcefVector};
+use crate::gnss::{ClockGroup, SatelliteId, SignalCode};
+
+/// A pseudorange and range rate freed of everything but geometry, receiver clock and noise.
+///
+/// The model is P_c = |r_s − r_k| + c·dt_k,group + ε, and for the rate ρ̇_c = (v_s − v_k)·u + c·ḋt_k + ε.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CorrectedObservation {
+    /// The satellite.
+    pub satellite: SatelliteId,
+    /// The signal.
+    pub signal: SignalCode,
+    /// Corrected pseudorange P_c, m.
+    pub pseudorange_m: f64,
+    /// Its standard deviation by the stochastic model, m.
+    pub pseudorange_sigma_m: f64,
+    /// Corrected range rate, if a Doppler was recorded.
+    pub range_rate: Option<RangeRate>,
+    /// Carrier-to-noise density, dB-Hz, if recorded.
+    pub cn0_dbhz: Option<f64>,
+    /// Azimuth and elevation at the phone.
+    pub direction: Direction,
+    /// Satellite position at transmission, m, in the Earth-fixed frame of the *reception* (Sagnac rotation applied).
+    pub satellite_position: Ecef,
+    /// Satellite velocity at transmission in the same frame, m/s.
+    pub satellite_velocity: EcefVector,
+    /// What the phone's own solution did with it.
+    pub usage: Usage,
+    /// Residual after the phone's own epoch-wise solution, m (observed − computed); `None` without a solution.
+    pub residual_m: Option<f64>,
+}
+
+/// A corrected range rate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RangeRate {
+    /// Rate, m/s, positive = receding, satellite clock drift removed.
+    pub range_rate_mps: f64,
+    /// Its standard deviation, m/s.
+    pub sigma_mps: f64,
+}
+
+/// What became of an observation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Usage {
+    /// In the solution.
+    Used,
+    /// Excluded by RAIM.
+    Excluded,
+}
+
+impl CorrectedObservation {
+    /// The receiver clock that this observation sees.
+    pub const fn clock_group(&self) -> ClockGroup {
+        ClockGroup { constellation: self.satellite.constellation, band: self.signal.band }
+    }
+}

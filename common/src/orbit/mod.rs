@@ -1,0 +1,64 @@
+//! Satellite position, velocity and clock, from precise (SP3) or broadcast (Kepler) orbits.
+
+use crate::frames::{Ecef, EcefVector};
+use crate::gnss::SatelliteId;
+use crate::time::GpsTime;
+
+/// A satellite at one instant, in the Earth-fixed frame of that instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SatelliteState {
+    /// Antenna phase centre (broadcast) or centre of mass (SP3), m.
+    pub position: Ecef,
+    /// Velocity in the rotating Earth-fixed frame, m/s.
+    pub velocity: EcefVector,
+    /// Clock offset dT_s, relativity included, group delay not, s.
+    pub clock_s: f64,
+    /// Clock drift, s/s.
+    pub clock_drift_sps: f64,
+    /// Standard deviation of orbit and clock together along the line of sight, m.
+    pub sigma_m: f64,
+    /// What the clock refers to; decides the group delay that a single-frequency user adds.
+    pub clock_reference: ClockReference,
+}
+
+/// The signal (combination) that a satellite clock refers to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClockReference {
+    /// The broadcast message: L1/L2 P(Y) (GPS, QZSS), E1/E5b (Galileo I/NAV), E1/E5a (F/NAV), B3I (BeiDou).
+    Broadcast,
+    /// The ionosphere-free pair of the product: C1W/C2W (GPS), C1X/C5X (Galileo), C2I/C6I (BeiDou).
+    IonosphereFree,
+}
+
+/// Why there is no satellite state.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum OrbitError {
+    /// No product knows the satellite.
+    #[error("{satellite}: no orbit in any product")]
+    Unknown {
+        /// The satellite.
+        satellite: SatelliteId,
+    },
+    /// The products know the satellite, but not at this time.
+    #[error("{satellite} at {time}: orbits cover {first} to {last} only")]
+    NotCovered {
+        /// The satellite.
+        satellite: SatelliteId,
+        /// The instant asked for.
+        time: GpsTime,
+        /// First usable instant.
+        first: GpsTime,
+        /// Last usable instant.
+        last: GpsTime,
+    },
+    /// The message in force says that the satellite must not be used.
+    #[error("{satellite} at {time}: its navigation message says unhealthy ({health})")]
+    Unhealthy {
+        /// The satellite.
+        satellite: SatelliteId,
+        /// The instant asked for.
+        time: GpsTime,
+        /// The health word.
+        health: f64,
+    },
+}

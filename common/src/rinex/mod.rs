@@ -1,0 +1,1 @@
+//! RINEX observation and navigation files.

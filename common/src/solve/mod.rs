@@ -1,0 +1,37 @@
+//! Epoch-wise weighted least squares: position, clocks, velocity, dilution of precision.
+
+use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
+
+use crate::frames::{Ecef, EcefVector};
+use crate::gnss::ClockGroup;
+
+/// An epoch-wise solution.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PointSolution {
+    /// Position, m.
+    pub position: Ecef,
+    /// Covariance of the position in ECEF by the stochastic model, m².
+    pub position_covariance: Matrix3<f64>,
+    /// Receiver clock of each group in use, m.
+    pub clocks_m: Vec<(ClockGroup, f64)>,
+    /// Velocity from Doppler, m/s, when enough range rates were there.
+    pub velocity: Option<EcefVector>,
+    /// Dilution of precision of the satellites used.
+    pub dops: Dops,
+    /// Signals used.
+    pub used: u16,
+}
+
+/// Dilution of precision with one clock per group.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Dops {
+    /// Geometric.
+    pub gdop: f64,
+    /// Position.
+    pub pdop: f64,
+    /// Horizontal.
+    pub hdop: f64,
+    /// Vertical.
+    pub vdop: f64,
+}

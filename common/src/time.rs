@@ -1,0 +1,310 @@
+//! GPS time as one integer: nanoseconds since 1980-01-06 00:00:00 GPST.
+//!
+//! GPS time has no leap seconds. A nanosecond is 0.3 m for a signal but only 4 µm for a satellite's position,
+//! and receivers' fractions of a sample never enter through a time tag here; so integers are exact where it matters.
+
+use std::fmt;
+use std::ops::{Add, Sub};
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// Seconds in a GPS week.
+pub const SECONDS_PER_WEEK: f64 = 604_800.0;
+/// BeiDou time is 14 s behind GPS time (BDS-SIS-ICD, 3.3).
+pub const BEIDOU_BEHIND_GPS_S: f64 = 14.0;
+/// BeiDou week 0 is GPS week 1356.
+pub const BEIDOU_WEEK_OFFSET: i64 = 1356;
+
+const NANOS_PER_SECOND: i64 = 1_000_000_000;
+const SECONDS_PER_DAY: i64 = 86_400;
+/// Days from 1970-01-01 to 1980-01-06.
+const UNIX_TO_GPS_DAYS: i64 = 3_657;
+
+/// An instant in GPS time.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, Default)]
+pub struct GpsTime {
+    nanos: i64,
+}
+
+/// Text that is not a GPS calendar time.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("'{text}' is not a GPS time; write YYYY-MM-DDThh:mm:ss, for example 2020-08-13T14:33:00")]
+pub struct GpsTimeError {
+    text: String,
+}
+
+/// A calendar date and time of day in GPS time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Calendar {
+    /// Year, full (2020).
+    pub year: i32,
+    /// Month, 1-12.
+    pub month: u32,
+    /// Day of month, 1-31.
+    pub day: u32,
+    /// Hour, 0-23.
+    pub hour: u32,
+    /// Minute, 0-59.
+    pub minute: u32,
+    /// Second with fraction, s.
+    pub second: f64,
+}
+
+impl GpsTime {
+    /// From nanoseconds since 1980-01-06 00:00:00 GPST.
+    pub const fn from_nanos(nanos: i64) -> Self {
+        Self { nanos }
+    }
+
+    /// Nanoseconds since 1980-01-06 00:00:00 GPST.
+    pub const fn nanos(self) -> i64 {
+        self.nanos
+    }
+
+    /// From a full GPS week (no rollover) and the time of week in seconds, which may lie outside the week.
+    pub fn from_week_tow(week: i64, tow_s: f64) -> Self {
+        let whole = tow_s.floor();
+        let fraction = ((tow_s - whole) * NANOS_PER_SECOND as f64).round();
+        #[allow(clippy::cast_possible_truncation)] // saturates on absurd input, checked at the parsers
+        let seconds = (week.saturating_mul(7 * SECONDS_PER_DAY)).saturating_add(whole as i64);
+        #[allow(clippy::cast_possible_truncation)]
+        let nanos = seconds.saturating_mul(NANOS_PER_SECOND).saturating_add(fraction as i64);
+        Self { nanos }
+    }
+
+    /// From a BeiDou week and time of week, both in BeiDou time.
+    pub fn from_beidou_week_tow(week: i64, tow_s: f64) -> Self {
+        Self::from_week_tow(week + BEIDOU_WEEK_OFFSET, tow_s + BEIDOU_BEHIND_GPS_S)
+    }
+
+    /// From a calendar in GPS time. `None` when a field is outside its range.
+    pub fn from_calendar(calendar: Calendar) -> Option<Self> {
+        let Calendar { year, month, day, hour, minute, second } = calendar;
+        let valid = (1980..=2261).contains(&year)
+            && (1..=12).contains(&month)
+            && (1..=days_in_month(year, month)).contains(&day)
+            && hour < 24
+            && minute < 60
+            && (0.0..61.0).contains(&second);
+        if !valid {
+            return None;
+        }
+        let days = days_from_civil(i64::from(year), i64::from(month), i64::from(day)) - UNIX_TO_GPS_DAYS;
+        let seconds = days * SECONDS_PER_DAY + i64::from(hour) * 3_600 + i64::from(minute) * 60;
+        #[allow(clippy::cast_possible_truncation)] // second < 61
+        let fraction = (second * NANOS_PER_SECOND as f64).round() as i64;
+        Some(Self { nanos: seconds * NANOS_PER_SECOND + fraction })
+    }
+
+    /// The calendar in GPS time.
+    pub fn calendar(self) -> Calendar {
+        let seconds = self.nanos.div_euclid(NANOS_PER_SECOND);
+        let nanos = self.nanos.rem_euclid(NANOS_PER_SECOND);
+        let (year, month, day) = civil_from_days(seconds.div_euclid(SECONDS_PER_DAY) + UNIX_TO_GPS_DAYS);
+        let of_day = seconds.rem_euclid(SECONDS_PER_DAY);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // of_day is in [0, 86400)
+        Calendar {
+            year: year as i32,
+            month: month as u32,
+            day: day as u32,
+            hour: (of_day / 3_600) as u32,
+            minute: (of_day / 60 % 60) as u32,
+            second: (of_day % 60) as f64 + nanos as f64 * 1e-9,
+        }
+    }
+
+    /// Full GPS week number, without rollover.
+    pub const fn week(self) -> i64 {
+        self.nanos.div_euclid(7 * SECONDS_PER_DAY * NANOS_PER_SECOND)
+    }
+
+    /// Seconds into the GPS week, in [0, 604800).
+    pub fn tow_s(self) -> f64 {
+        let nanos = self.nanos.rem_euclid(7 * SECONDS_PER_DAY * NANOS_PER_SECOND);
+        let whole = nanos / NANOS_PER_SECOND;
+        whole as f64 + (nanos % NANOS_PER_SECOND) as f64 * 1e-9
+    }
+
+    /// Day of year, 1-366.
+    pub fn day_of_year(self) -> u32 {
+        let calendar = self.calendar();
+        let start = days_from_civil(i64::from(calendar.year), 1, 1);
+        let today =
+            days_from_civil(i64::from(calendar.year), i64::from(calendar.month), i64::from(calendar.day));
+        u32::try_from(today - start + 1).unwrap_or(1)
+    }
+
+    /// Nanoseconds since 1970-01-01 of the same calendar reading. GPS time is shown as if it were UTC: a
+    /// viewer's clock then reads GPS time, 18 s ahead of UTC since 2017.
+    pub const fn as_unix_calendar_nanos(self) -> i64 {
+        self.nanos + UNIX_TO_GPS_DAYS * SECONDS_PER_DAY * NANOS_PER_SECOND
+    }
+
+    /// Seconds from `earlier` to `self` (negative when `self` comes first).
+    pub fn seconds_since(self, earlier: Self) -> f64 {
+        let difference = self.nanos.saturating_sub(earlier.nanos);
+        (difference / NANOS_PER_SECOND) as f64 + (difference % NANOS_PER_SECOND) as f64 * 1e-9
+    }
+}
+
+impl Add<f64> for GpsTime {
+    type Output = Self;
+    /// Adds seconds, to the nanosecond.
+    fn add(self, seconds: f64) -> Self {
+        #[allow(clippy::cast_possible_truncation)] // saturates
+        let nanos = (seconds * NANOS_PER_SECOND as f64).round() as i64;
+        Self { nanos: self.nanos.saturating_add(nanos) }
+    }
+}
+
+impl Sub<f64> for GpsTime {
+    type Output = Self;
+    fn sub(self, seconds: f64) -> Self {
+        self + (-seconds)
+    }
+}
+
+impl Sub for GpsTime {
+    type Output = f64;
+    /// Difference in seconds.
+    fn sub(self, earlier: Self) -> f64 {
+        self.seconds_since(earlier)
+    }
+}
+
+impl fmt::Display for GpsTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let seconds = self.nanos.div_euclid(NANOS_PER_SECOND);
+        let nanos = self.nanos.rem_euclid(NANOS_PER_SECOND);
+        let c = Self::from_nanos(seconds * NANOS_PER_SECOND).calendar();
+        write!(
+            f,
+            "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}",
+            c.year,
+            c.month,
+            c.day,
+            c.hour,
+            c.minute,
+            of_minute(seconds),
+            nanos / 1_000_000
+        )
+    }
+}
+
+impl fmt::Debug for GpsTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{self} GPST")
+    }
+}
+
+impl FromStr for GpsTime {
+    type Err = GpsTimeError;
+
+    /// Reads `YYYY-MM-DDThh:mm:ss[.fraction]` (a space instead of `T` will do), in GPS time.
+    fn from_str(text: &str) -> Result<Self, GpsTimeError> {
+        parse_calendar(text)
+            .and_then(Self::from_calendar)
+            .ok_or_else(|| GpsTimeError { text: text.to_owned() })
+    }
+}
+
+fn of_minute(seconds: i64) -> i64 {
+    seconds.rem_euclid(60)
+}
+
+fn parse_calendar(text: &str) -> Option<Calendar> {
+    let (date, clock) = text.trim().split_once(['T', ' '])?;
+    let mut date = date.split('-');
+    let (year, month, day) = (date.next()?, date.next()?, date.next()?);
+    let mut clock = clock.split(':');
+    let (hour, minute, second) = (clock.next()?, clock.next()?, clock.next()?);
+    if date.next().is_some() || clock.next().is_some() {
+        return None;
+    }
+    Some(Calendar {
+        year: year.parse().ok()?,
+        month: month.parse().ok()?,
+        day: day.parse().ok()?,
+        hour: hour.parse().ok()?,
+        minute: minute.parse().ok()?,
+        second: second.parse().ok()?,
+    })
+}
+
+fn days_in_month(year: i32, month: u32) -> u32 {
+    match month {
+        2 if year % 4 == 0 && (year % 100 != 0 || year % 400 == 0) => 29,
+        2 => 28,
+        4 | 6 | 9 | 11 => 30,
+        _ => 31,
+    }
+}
+
+/// Days since 1970-01-01 of a Gregorian date, counting years from March so that a leap day ends its year.
+fn days_from_civil(year: i64, month: i64, day: i64) -> i64 {
+    let year = if month <= 2 { year - 1 } else { year };
+    let era = year.div_euclid(400);
+    let of_era = year.rem_euclid(400);
+    let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468
+}
+
+fn civil_from_days(days: i64) -> (i64, i64, i64) {
+    let shifted = days + 719_468;
+    let era = shifted.div_euclid(146_097);
+    let day_of_era = shifted.rem_euclid(146_097);
+    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted_month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
+    let month = if shifted_month < 10 { shifted_month + 3 } else { shifted_month - 9 };
+    let year = year_of_era + era * 400 + i64::from(month <= 2);
+    (year, month, day)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn calendar(year: i32, month: u32, day: u32, hour: u32, minute: u32, second: f64) -> GpsTime {
+        GpsTime::from_calendar(Calendar { year, month, day, hour, minute, second }).unwrap()
+    }
+
+    #[test]
+    fn known_dates_have_their_week_and_second() {
+        assert_eq!(calendar(1980, 1, 6, 0, 0, 0.0).nanos(), 0);
+        let time = calendar(2020, 8, 13, 14, 19, 1.999_759);
+        assert_eq!(time.week(), 2118);
+        assert!((time.tow_s() - 397_141.999_759).abs() < 1e-9);
+        assert_eq!(time, GpsTime::from_week_tow(2118, 397_141.999_759));
+        assert_eq!(calendar(2020, 12, 31, 0, 0, 0.0).day_of_year(), 366);
+    }
+
+    #[test]
+    fn calendar_round_trips_over_leap_years() {
+        for day in 0..60_000_i64 {
+            let time = GpsTime::from_nanos((day * 86_400 + 12_345) * 1_000_000_000);
+            assert_eq!(GpsTime::from_calendar(time.calendar()), Some(time), "{time}");
+        }
+    }
+
+    #[test]
+    fn text_is_read_and_written() {
+        let time: GpsTime = "2020-08-13T14:33:00".parse().unwrap();
+        assert_eq!(time.to_string(), "2020-08-13T14:33:00.000");
+        assert!("2020-02-30T00:00:00".parse::<GpsTime>().is_err());
+        assert!("yesterday".parse::<GpsTime>().unwrap_err().to_string().contains("yesterday"));
+    }
+
+    #[test]
+    fn beidou_time_is_fourteen_seconds_behind() {
+        assert_eq!(GpsTime::from_beidou_week_tow(762, 100.0), GpsTime::from_week_tow(2118, 114.0));
+    }
+
+    #[test]
+    fn differences_keep_the_nanosecond_over_weeks() {
+        let start = GpsTime::from_week_tow(2118, 0.0);
+        assert_eq!((start + 604_800.000_000_001) - start, 604_800.000_000_001);
+    }
+}

@@ -1,0 +1,43 @@
+//! What is said on the wire.
+
+use serde::{Deserialize, Serialize};
+
+use crate::filter::PhoneState;
+use crate::integrity::{RaimReport, Verdict};
+use crate::measurement::CorrectedObservation;
+use crate::solve::PointSolution;
+use crate::time::GpsTime;
+
+/// One phone at one epoch: `cofix/<group>/phone/<phone>/epoch`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EpochMessage {
+    /// The phone's name within its group.
+    pub phone: String,
+    /// 0, 1, 2, … without gaps in one run of an agent.
+    pub sequence: u64,
+    /// Receive time, GPS time.
+    pub time_gps: GpsTime,
+    /// Corrected observations.
+    pub observations: Vec<CorrectedObservation>,
+    /// Epoch-wise solution, if there was one.
+    pub wls: Option<PointSolution>,
+    /// State of the local filter after this epoch, once it is initialised.
+    pub local: Option<PhoneState>,
+    /// RAIM on the epoch-wise solution.
+    pub raim: RaimReport,
+}
+
+/// One phone after fusion: `cofix/<group>/fused/<phone>`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FusedMessage {
+    /// The phone's name within its group.
+    pub phone: String,
+    /// The time that the state is for, GPS time.
+    pub time_gps: GpsTime,
+    /// State after fusion and constraints.
+    pub state: PhoneState,
+    /// The agent's verdict for this epoch; `None` when the phone had no epoch and was carried by prediction.
+    pub verdict: Option<Verdict>,
+    /// How many constraints acted on this phone at this epoch.
+    pub constraints_acted: u16,
+}
