@@ -1,1 +1,3 @@
-//! Placeholder.
+//! The agent beside one phone.
+
+pub mod pipeline;

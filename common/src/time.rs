@@ -151,6 +151,7 @@ impl GpsTime {
 impl Add<f64> for GpsTime {
     type Output = Self;
     /// Adds seconds, to the nanosecond.
+    #[allow(clippy::suspicious_arithmetic_impl)] // seconds become nanoseconds
     fn add(self, seconds: f64) -> Self {
         #[allow(clippy::cast_possible_truncation)] // saturates
         let nanos = (seconds * NANOS_PER_SECOND as f64).round() as i64;

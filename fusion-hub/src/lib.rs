@@ -1,1 +1,3 @@
-//! Placeholder.
+//! The fusion hub.
+
+pub mod engine;

@@ -1,5 +1,11 @@
 //! Satellite position, velocity and clock, from precise (SP3) or broadcast (Kepler) orbits.
 
+mod kepler;
+mod products;
+
+pub use kepler::{KeplerEphemeris, NavigationMessage};
+pub use products::Products;
+
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::SatelliteId;
 use crate::time::GpsTime;
