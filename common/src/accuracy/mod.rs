@@ -1,1 +1,7 @@
-//! Truth, errors, percentiles, tables.
+//! Truth, errors against it, percentiles: what a position is worth.
+
+mod score;
+mod truth;
+
+pub use score::{Accuracy, Solution, score};
+pub use truth::{Truth, TruthError, TruthPoint};
