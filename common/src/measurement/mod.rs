@@ -1,5 +1,11 @@
 //! From raw to corrected observations: masks, corrections, stochastic models.
 
+mod correct;
+mod stochastic;
+
+pub use correct::{CorrectionOptions, Corrector, PreparedObservation, without_position};
+pub use stochastic::{StochasticModel, VarianceModel};
+
 use serde::{Deserialize, Serialize};
 
 use crate::frames::{Direction, Ecef, EcefVector};
