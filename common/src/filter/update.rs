@@ -170,3 +170,137 @@ fn weighted_median(rows: &[Row], group: usize) -> f64 {
     }
     0.0
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+
+    use super::*;
+    use crate::filter::{FilterOptions, Start};
+    use crate::frames::EcefVector;
+    use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
+    use crate::time::GpsTime;
+
+    const PLAIN: FilterOptions = FilterOptions::peng2023();
+
+    fn start(receiver: &Receiver, offset_m: f64) -> Start {
+        Start {
+            position: receiver.position + EcefVector::new(offset_m, -offset_m, 0.5 * offset_m),
+            position_covariance: Matrix3::identity() * 25.0,
+            velocity: None,
+        }
+    }
+
+    /// Two phones, made dependent by a fictitious difference measurement, ready for an update.
+    fn dependent_pair(options: FilterOptions) -> (Receiver, JointFilter) {
+        let receiver = Receiver::in_wuhan();
+        let time = GpsTime::from_week_tow(2118, 100.0);
+        let mut filter = JointFilter::new(options);
+        filter.insert(0, time, &start(&receiver, 3.0));
+        filter.insert(1, time, &start(&receiver, -2.0));
+        let n = filter.mean.len();
+        let mut row = DVector::zeros(n);
+        (row[0], row[9]) = (1.0, -1.0);
+        let pc = &filter.covariance * &row;
+        let s = row.dot(&pc) + 0.25;
+        filter.covariance -= &pc * pc.transpose() / s;
+        (receiver, filter)
+    }
+
+    #[test]
+    fn compressed_rows_equal_the_dense_update_with_clock_states() {
+        let (receiver, mut filter) = dependent_pair(PLAIN);
+        let observations = receiver.observe(&OPEN_SKY_DEG);
+        let (prior_mean, prior) = (filter.mean.clone(), filter.covariance.clone());
+        let position = filter.position(1);
+        filter.update(1, &observations);
+
+        // The textbook: clocks as states with a variance so large that it is none.
+        let (m, n) = (observations.len(), prior_mean.len());
+        let groups = ClockGroups::of(observations.iter());
+        let clock_columns = groups.len() + 1;
+        let mut design = DMatrix::zeros(2 * m, n + clock_columns);
+        let mut innovation = DVector::zeros(2 * m);
+        let mut noise = DMatrix::zeros(2 * m, 2 * m);
+        let velocity = prior_mean.fixed_rows::<3>(12).into_owned();
+        for (i, observation) in observations.iter().enumerate() {
+            let code = code_row(observation, position, &groups);
+            design.view_mut((i, 9), (1, 3)).copy_from(&code.h.transpose());
+            design[(i, n + code.group)] = 1.0;
+            innovation[i] = code.y;
+            noise[(i, i)] = 1.0 / code.weight;
+            let rate = rate_row(observation, position).unwrap();
+            design.view_mut((m + i, 12), (1, 3)).copy_from(&rate.h.transpose());
+            design[(m + i, n + groups.len())] = 1.0;
+            innovation[m + i] = rate.y - rate.h.dot(&velocity);
+            noise[(m + i, m + i)] = 1.0 / rate.weight;
+        }
+        let mut wide = DMatrix::zeros(n + clock_columns, n + clock_columns);
+        wide.view_mut((0, 0), (n, n)).copy_from(&prior);
+        for clock in n..n + clock_columns {
+            wide[(clock, clock)] = 1e8;
+        }
+        let cross = &wide * design.transpose();
+        let s = &design * &cross + noise;
+        let gain = s.clone().cholesky().unwrap().solve(&cross.transpose()).transpose();
+        let correction = &gain * innovation;
+        let posterior = &wide - &gain * s * gain.transpose();
+        assert!((&filter.mean - &prior_mean - correction.rows(0, n)).amax() < 1e-4);
+        assert!((&filter.covariance - posterior.view((0, 0), (n, n))).amax() < 1e-4);
+        assert!((&filter.mean - &prior_mean).rows(0, 9).amax() > 1e-3, "the other phone moves too");
+    }
+
+    #[test]
+    fn the_covariance_stays_symmetric_to_the_bit_and_shrinks() {
+        let (receiver, mut filter) = dependent_pair(FilterOptions::default());
+        let before = filter.covariance.trace();
+        for second in 1..50 {
+            filter.predict(GpsTime::from_week_tow(2118, 100.0 + f64::from(second)));
+            filter.update(0, &receiver.observe(&OPEN_SKY_DEG));
+            filter.update(1, &receiver.observe(&OPEN_SKY_DEG));
+            assert_eq!(filter.covariance, filter.covariance.transpose());
+            assert!(filter.covariance.clone().cholesky().is_some());
+        }
+        assert!(filter.covariance.trace() < before);
+    }
+
+    #[test]
+    fn an_outlier_is_rejected_and_named() {
+        let (receiver, mut filter) = dependent_pair(FilterOptions::default());
+        let mut observations = receiver.observe(&OPEN_SKY_DEG);
+        observations[3].pseudorange_m += 300.0;
+        let report = filter.update(0, &observations);
+        assert_eq!(report.code_factors[3], 0.0);
+        assert_eq!(report.code_used, OPEN_SKY_DEG.len() - 1);
+    }
+
+    #[test]
+    fn a_lone_satellite_of_a_system_says_nothing() {
+        let (receiver, mut filter) = dependent_pair(PLAIN);
+        let mut lone = receiver.observe(&OPEN_SKY_DEG[..1]);
+        lone[0].range_rate = None;
+        let before = filter.mean.clone();
+        let report = filter.update(0, &lone);
+        assert_eq!(report.code_nis.1, 0);
+        assert_eq!(filter.mean, before);
+    }
+
+    #[test]
+    fn phones_that_share_nothing_are_filtered_as_if_alone() {
+        let receiver = Receiver::in_wuhan();
+        let time = GpsTime::from_week_tow(2118, 100.0);
+        let (mut both, mut alone) = (JointFilter::new(PLAIN), JointFilter::new(PLAIN));
+        both.insert(7, time, &start(&receiver, 10.0));
+        both.insert(3, time, &start(&receiver, 4.0));
+        alone.insert(3, time, &start(&receiver, 4.0));
+        for filter in [&mut both, &mut alone] {
+            filter.predict(time + 1.0);
+            let slot = filter.slot(3).unwrap();
+            filter.update(slot, &receiver.observe(&OPEN_SKY_DEG));
+        }
+        assert_eq!(both.state(1), alone.state(0));
+        both.remove(0);
+        assert_eq!(both.slot(3), Some(0));
+        assert_eq!(both.state(0), alone.state(0), "a phone taken out leaves the others as they were");
+    }
+}

@@ -139,3 +139,66 @@ fn correlation(fit: &Fit, i: usize, j: usize) -> f64 {
     let scale = fit.residual_covariance(i, i) * fit.residual_covariance(j, j);
     fit.residual_covariance(i, j).abs() / scale.sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
+
+    fn monitor(observations: &mut [CorrectedObservation]) -> Monitored {
+        solve_with_raim(observations, Receiver::in_wuhan().position, &RaimOptions::default())
+    }
+
+    #[test]
+    fn a_clean_sky_is_reliable() {
+        let mut observations = Receiver::in_wuhan().observe(&OPEN_SKY_DEG);
+        let monitored = monitor(&mut observations);
+        assert_eq!(monitored.report.verdict, Verdict::Reliable);
+        assert_eq!(monitored.report.global_test.unwrap().degrees_of_freedom, 6);
+        assert!(observations.iter().all(|o| o.usage == Usage::Used));
+    }
+
+    #[test]
+    fn one_fault_is_found_and_excluded() {
+        let receiver = Receiver::in_wuhan();
+        for faulty in 0..OPEN_SKY_DEG.len() {
+            let mut observations = receiver.observe(&OPEN_SKY_DEG);
+            observations[faulty].pseudorange_m += 60.0;
+            let monitored = monitor(&mut observations);
+            assert_eq!(monitored.report.verdict, Verdict::Reliable, "satellite {faulty}");
+            assert_eq!(monitored.report.excluded, 1, "satellite {faulty}");
+            assert_eq!(observations[faulty].usage, Usage::Excluded);
+            assert!(monitored.fit.unwrap().position().distance_m(receiver.position) < 1e-3);
+        }
+    }
+
+    #[test]
+    fn without_redundancy_nothing_is_checked_or_excluded() {
+        let receiver = Receiver::in_wuhan();
+        let mut six = receiver.observe(&OPEN_SKY_DEG[..6]);
+        six[0].pseudorange_m += 60.0;
+        assert_eq!(monitor(&mut six).report.verdict, Verdict::CannotBeChecked);
+        let mut seven = receiver.observe(&OPEN_SKY_DEG[..7]);
+        seven[0].pseudorange_m += 200.0;
+        let report = monitor(&mut seven).report;
+        assert_eq!(report.verdict, Verdict::Unreliable(Cause::InsufficientRedundancy));
+        assert_eq!(report.excluded, 0);
+    }
+
+    #[test]
+    fn bad_geometry_is_named() {
+        let mut low: Vec<(f64, f64)> = (0..8).map(|i| (f64::from(i) * 1.0, 30.0 + f64::from(i % 3))).collect();
+        low.push((40.0, 33.0));
+        let mut observations = Receiver::in_wuhan().observe(&low);
+        let report = monitor(&mut observations).report;
+        assert_eq!(report.verdict, Verdict::Unreliable(Cause::Geometry));
+    }
+
+    #[test]
+    fn five_satellites_give_no_solution() {
+        let mut observations = Receiver::in_wuhan().observe(&OPEN_SKY_DEG[..5]);
+        let monitored = monitor(&mut observations);
+        assert!(monitored.fit.is_err());
+        assert_eq!(monitored.report.verdict, Verdict::CannotBeChecked);
+    }
+}

@@ -1,6 +1,8 @@
 //! From raw to corrected observations: masks, corrections, stochastic models.
 
 mod correct;
+#[cfg(test)]
+pub(crate) mod sky;
 mod stochastic;
 
 pub use correct::{CorrectionOptions, Corrector, PreparedObservation, without_position};

@@ -203,3 +203,112 @@ impl Fit {
 pub(crate) fn line_of_sight(observation: &CorrectedObservation, position: Ecef) -> Vector3<f64> {
     (observation.satellite_position.0 - position.0).normalize()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
+
+    #[test]
+    fn the_true_position_comes_back_from_the_centre_of_the_earth() {
+        let receiver = Receiver::in_wuhan();
+        let observations = receiver.observe(&OPEN_SKY_DEG);
+        let fit = solve_position(&observations, Ecef::new(0.0, 0.0, 0.0)).unwrap();
+        assert!(fit.position().distance_m(receiver.position) < 1e-4);
+        assert_eq!(fit.degrees_of_freedom(), 12 - 6);
+        assert!(fit.weighted_square_sum() < 1e-8);
+        for (observation, clock) in observations.iter().zip(receiver.clocks_m) {
+            assert!((fit.groups.clock_m(observation.clock_group()).unwrap() - clock).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn the_row_is_the_derivative_of_the_range() {
+        let receiver = Receiver::in_wuhan();
+        let observations = receiver.observe(&OPEN_SKY_DEG);
+        let groups = ClockGroups::of(observations.iter());
+        for observation in &observations {
+            let row = code_row(observation, receiver.position, &groups);
+            for axis in 0..3 {
+                let mut step = Vector3::zeros();
+                step[axis] = 10.0;
+                let at = |s: Vector3<f64>| {
+                    observation.satellite_position.distance_m(receiver.position + EcefVector(s))
+                };
+                let numeric = (at(step) - at(-step)) / 20.0;
+                assert!((numeric - row.h[axis]).abs() < 1e-8, "{}", observation.satellite);
+            }
+        }
+    }
+
+    #[test]
+    fn residual_covariance_equals_the_dense_formula() {
+        let receiver = Receiver::in_wuhan();
+        let observations = receiver.observe(&OPEN_SKY_DEG);
+        let fit = solve_position(&observations, receiver.position).unwrap();
+        let m = fit.len();
+        let design = nalgebra::DMatrix::from_fn(m, 6, |i, j| match j {
+            0..=2 => fit.rows[i].row.h[j],
+            _ => f64::from(u8::from(fit.rows[i].row.group == j - 3)),
+        });
+        let weights = nalgebra::DMatrix::from_fn(m, m, |i, j| if i == j { fit.weight(i) } else { 0.0 });
+        let normal = design.transpose() * &weights * &design;
+        let dense = weights.try_inverse().unwrap()
+            - &design * normal.cholesky().unwrap().solve(&design.transpose());
+        for i in 0..m {
+            for j in 0..m {
+                assert!((fit.residual_covariance(i, j) - dense[(i, j)]).abs() < 1e-9, "{i} {j}");
+            }
+        }
+    }
+
+    #[test]
+    fn too_few_and_flat_geometries_are_named() {
+        let receiver = Receiver::in_wuhan();
+        let few = receiver.observe(&OPEN_SKY_DEG[..5]);
+        let error = solve_position(&few, receiver.position).unwrap_err();
+        assert_eq!(error, SolveError::TooFew { have: 5, need: 6 });
+        let mut same = receiver.observe(&[(10.0, 40.0); 8]);
+        for observation in &mut same {
+            observation.satellite.constellation = crate::gnss::Constellation::Gps;
+        }
+        assert!(matches!(solve_position(&same, receiver.position), Err(SolveError::Singular { have: 8 })));
+    }
+
+    #[test]
+    fn dops_agree_with_the_reference() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/oracle/dops.csv");
+        let Ok(table) = std::fs::read_to_string(path) else {
+            println!("skipped: {path} is not here");
+            return;
+        };
+        let mut compared = 0;
+        for line in table.lines().skip(1) {
+            let fields: Vec<&str> = line.split(',').collect();
+            let number = |i: usize| fields[i].parse::<f64>().unwrap();
+            let pairs: Vec<f64> = fields[6].split(';').map(|v| v.parse().unwrap()).collect();
+            let mask_deg = number(0);
+            let directions: Vec<(f64, f64)> = pairs
+                .chunks_exact(2)
+                .map(|p| (p[0], p[1]))
+                .filter(|(_, elevation_deg)| *elevation_deg >= mask_deg)
+                .collect();
+            if number(2) <= 0.0 {
+                continue;
+            }
+            let receiver = Receiver { clocks_m: [150.0; 3], ..Receiver::in_wuhan() };
+            let mut sky = receiver.observe(&directions);
+            for observation in &mut sky {
+                observation.satellite.constellation = crate::gnss::Constellation::Gps;
+            }
+            let dops = solve_position(&sky, receiver.position).unwrap().dops().unwrap();
+            let pairs = [(dops.gdop, 2), (dops.pdop, 3), (dops.hdop, 4), (dops.vdop, 5)];
+            for (ours, field) in pairs {
+                let reference = number(field);
+                assert!((ours - reference).abs() <= 1e-6 * reference, "{line}: {ours} {reference}");
+            }
+            compared += 1;
+        }
+        assert!(compared > 70, "{compared} rows compared");
+    }
+}

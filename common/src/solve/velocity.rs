@@ -47,3 +47,53 @@ pub(crate) fn rate_row(observation: &CorrectedObservation, position: Ecef) -> Op
         weight: rate.sigma_mps.powi(-2),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
+
+    #[test]
+    fn the_true_velocity_comes_back() {
+        let receiver = Receiver::in_wuhan();
+        let observations = receiver.observe(&OPEN_SKY_DEG);
+        let velocity = solve_velocity(&observations, receiver.position).unwrap();
+        assert!((velocity.0 - receiver.velocity.0).norm() < 1e-9);
+    }
+
+    #[test]
+    fn a_wrong_doppler_is_left_out() {
+        let receiver = Receiver::in_wuhan();
+        let mut observations = receiver.observe(&OPEN_SKY_DEG);
+        observations[4].range_rate.as_mut().unwrap().range_rate_mps += 30.0;
+        let velocity = solve_velocity(&observations, receiver.position).unwrap();
+        assert!((velocity.0 - receiver.velocity.0).norm() < 1e-9);
+    }
+
+    #[test]
+    fn the_row_is_the_derivative_of_the_rate() {
+        let receiver = Receiver::in_wuhan();
+        for observation in receiver.observe(&OPEN_SKY_DEG) {
+            let row = rate_row(&observation, receiver.position).unwrap();
+            // ρ̇ = d|r_s − r|/dt, both moving.
+            let range_m = |t: f64, velocity: nalgebra::Vector3<f64>| {
+                let satellite = observation.satellite_position.0 + observation.satellite_velocity.0 * t;
+                (satellite - receiver.position.0 - velocity * t).norm()
+            };
+            let rate = |v: nalgebra::Vector3<f64>| (range_m(0.1, v) - range_m(-0.1, v)) / 0.2;
+            for axis in 0..3 {
+                let mut step = nalgebra::Vector3::zeros();
+                step[axis] = 5.0;
+                let numeric = (rate(receiver.velocity.0 + step) - rate(receiver.velocity.0 - step)) / 10.0;
+                assert!((numeric - row.h[axis]).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn three_rates_are_not_enough() {
+        let receiver = Receiver::in_wuhan();
+        let observations = receiver.observe(&OPEN_SKY_DEG[..3]);
+        assert!(solve_velocity(&observations, receiver.position).is_none());
+    }
+}
