@@ -151,7 +151,8 @@ impl JointFilter {
         }
         let steps = (total_s / LONGEST_STEP_S).ceil().max(1.0);
         let step = Step::new(total_s / steps, &self.options.process);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // silent phones are removed long before
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        // silent phones are removed long before
         for _ in 0..steps as u64 {
             self.advance(&step);
         }
@@ -161,6 +162,8 @@ impl JointFilter {
     fn advance(&mut self, step: &Step) {
         step.advance_mean(&mut self.mean);
         step.advance_covariance(&mut self.covariance);
+        // Columns and rows were rounded in a different order; P is symmetric to the last bit everywhere else.
+        self.covariance.fill_upper_triangle_with_lower_triangle();
         for slot in 0..self.slots.len() {
             let up = self.vertical(slot);
             step.add_noise(&mut self.covariance, slot * STATES_PER_PHONE, &up, &self.options.process);
@@ -194,10 +197,7 @@ impl JointFilter {
         let at = slot * STATES_PER_PHONE;
         Some(PhoneState {
             mean: self.mean.fixed_rows::<STATES_PER_PHONE>(at).into_owned(),
-            covariance: self
-                .covariance
-                .fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at)
-                .into_owned(),
+            covariance: self.covariance.fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at).into_owned(),
         })
     }
 

@@ -50,7 +50,8 @@ impl JointFilter {
             observations.iter().map(|o| scaled(code_row(o, position, &groups), scale)).collect();
         report.code_factors = self.weight(slot * STATES_PER_PHONE + POSITION, &mut rows, groups.len());
         report.code_used = report.code_factors.iter().filter(|f| **f > 0.0).count();
-        report.code_nis = self.apply(slot * STATES_PER_PHONE + POSITION, &Eliminated::new(&rows, groups.len()));
+        report.code_nis =
+            self.apply(slot * STATES_PER_PHONE + POSITION, &Eliminated::new(&rows, groups.len()));
 
         let velocity = self.mean.fixed_rows::<3>(slot * STATES_PER_PHONE + VELOCITY).into_owned();
         let scale = self.options.rate_sigma_scale.powi(-2);
@@ -95,7 +96,7 @@ impl JointFilter {
 
     /// Applies the information (A, b) about the three states at `at`; returns the NIS and its degrees of freedom.
     fn apply(&mut self, at: usize, eliminated: &Eliminated) -> (f64, usize) {
-        let (root, rows) = compress(&eliminated.normal, &eliminated.rhs);
+        let (root, rows) = compress(eliminated);
         let mut correction = Vector3::zeros();
         let mut nis = 0.0;
         let mut degrees = 0;
@@ -136,12 +137,12 @@ fn scaled(row: Row, factor: f64) -> Row {
 }
 
 /// L and z = L⁻¹b for A = LLᵀ; a direction without information gives a zero column.
-fn compress(normal: &Matrix3<f64>, rhs: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
-    let floor = 1e-12 * normal.diagonal().max();
+fn compress(eliminated: &Eliminated) -> (Matrix3<f64>, Vector3<f64>) {
+    let Eliminated { normal, rhs, floor, .. } = eliminated;
     let (mut root, mut z) = (Matrix3::zeros(), Vector3::zeros());
     for j in 0..3 {
         let pivot = normal[(j, j)] - (0..j).map(|k| root[(j, k)] * root[(j, k)]).sum::<f64>();
-        if pivot.is_nan() || pivot <= floor {
+        if pivot.is_nan() || pivot <= *floor {
             continue;
         }
         let diagonal = pivot.sqrt();

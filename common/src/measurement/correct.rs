@@ -7,7 +7,7 @@ use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
 use crate::atmosphere::{klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
-use crate::gnss::{Observation, ObservationEpoch};
+use crate::gnss::{Constellation, Observation, ObservationEpoch};
 use crate::orbit::{Products, SatelliteState};
 use crate::skips::Skips;
 use crate::time::GpsTime;
@@ -23,6 +23,9 @@ pub struct CorrectionOptions {
     pub stochastic: StochasticModel,
     /// Standard deviation that stands for a group delay which no product knows, m.
     pub unknown_group_delay_sigma_m: f64,
+    /// Standard deviation of BeiDou's clocks and group delays together, m. Theirs is larger than the others': TGD1 goes into
+    /// B1I with a factor of 1.94 on precise clocks, and second- and third-generation satellites differ in receivers.
+    pub beidou_bias_sigma_m: f64,
     /// Relative humidity of the standard atmosphere, 0-1.
     pub relative_humidity: f64,
 }
@@ -34,6 +37,7 @@ impl Default for CorrectionOptions {
             minimum_cn0_dbhz: 15.0,
             stochastic: StochasticModel::default(),
             unknown_group_delay_sigma_m: 1.0,
+            beidou_bias_sigma_m: 2.0,
             relative_humidity: 0.5,
         }
     }
@@ -117,7 +121,11 @@ impl Corrector {
             Ok(state) => {
                 // dT_s is below a few milliseconds: one step along the velocity is exact to a micrometre.
                 let position = state.position + EcefVector(state.velocity.0 * -state.clock_s);
-                Some(PreparedState { satellite_state: SatelliteState { position, ..state }, observation: *observation, time_gps })
+                Some(PreparedState {
+                    satellite_state: SatelliteState { position, ..state },
+                    observation: *observation,
+                    time_gps,
+                })
             }
             Err(error) => {
                 self.skips.add("no satellite state", || error.to_string());
@@ -140,7 +148,8 @@ impl Corrector {
             state.clock_reference,
             prepared.time_gps,
         );
-        let unknown = self.options.unknown_group_delay_sigma_m;
+        let CorrectionOptions { unknown_group_delay_sigma_m: unknown, beidou_bias_sigma_m: beidou, .. } =
+            self.options;
         if group_delay_m.is_none() {
             self.skips.add("group delay unknown, used with a larger sigma", || {
                 format!("{} {}", observation.satellite, observation.signal)
@@ -150,16 +159,19 @@ impl Corrector {
         PreparedObservation {
             observation: *observation,
             frequency_hz,
-            pseudorange_m: pseudorange_m
-                + SPEED_OF_LIGHT_MPS * state.clock_s
-                + group_delay_m.unwrap_or(0.0),
+            pseudorange_m: pseudorange_m + SPEED_OF_LIGHT_MPS * state.clock_s + group_delay_m.unwrap_or(0.0),
             range_rate_mps: observation
                 .doppler_hz
                 .map(|doppler| -wavelength_m * doppler + SPEED_OF_LIGHT_MPS * state.clock_drift_sps),
             position: state.position,
             velocity: state.velocity,
             extra_variance_m2: state.sigma_m.powi(2)
-                + if group_delay_m.is_none() { unknown * unknown } else { 0.0 },
+                + if group_delay_m.is_none() { unknown * unknown } else { 0.0 }
+                + if observation.satellite.constellation == Constellation::Beidou {
+                    beidou * beidou
+                } else {
+                    0.0
+                },
         }
     }
 
@@ -288,8 +300,7 @@ impl View {
             let l1_m = klobuchar_delay_l1_m(&coefficients, geodetic, seen.direction, self.time_gps);
             scale_from_l1(l1_m, prepared.frequency_hz)
         });
-        let troposphere_m =
-            saastamoinen_delay_m(geodetic, seen.direction, self.options.relative_humidity);
+        let troposphere_m = saastamoinen_delay_m(geodetic, seen.direction, self.options.relative_humidity);
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
         let StochasticModel { code, rate } = self.options.stochastic;

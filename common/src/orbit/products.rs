@@ -3,9 +3,8 @@
 use super::broadcast::BroadcastOrbit;
 use super::group_delay::GroupDelays;
 use super::precise::PreciseOrbit;
-use super::{
-    ClockReference, KeplerEphemeris, KlobucharCoefficients, OrbitError, SatelliteState, Sp3, Sp3Position,
-};
+use super::{ClockReference, KeplerEphemeris, OrbitError, SatelliteState, Sp3, Sp3Position};
+use crate::atmosphere::KlobucharCoefficients;
 use crate::gnss::{SatelliteId, SignalCode};
 use crate::rinex::NavigationFile;
 use crate::time::GpsTime;

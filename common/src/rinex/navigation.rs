@@ -3,8 +3,9 @@
 use super::header::{leap_seconds, version};
 use super::navigation_record::{Record, ephemeris};
 use super::{RinexError, columns, decompress, lines, real, shorten};
+use crate::atmosphere::KlobucharCoefficients;
 use crate::gnss::Constellation;
-use crate::orbit::{KeplerEphemeris, KlobucharCoefficients};
+use crate::orbit::KeplerEphemeris;
 use crate::skips::Skips;
 
 /// Ionosphere terms of a navigation header, per system.
