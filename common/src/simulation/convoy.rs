@@ -191,7 +191,10 @@ mod tests {
             (smallest, largest) = (smallest.min(distance), largest.max(distance));
         }
         let (minimum, maximum) = convoy.distance_bounds_m(0, 1);
-        assert!(smallest - minimum < 2.5 && maximum - largest < 2.5, "{minimum} {smallest} {largest} {maximum}");
+        assert!(
+            smallest - minimum < 2.5 && maximum - largest < 2.5,
+            "{minimum} {smallest} {largest} {maximum}"
+        );
         assert!(convoy.maximum_vertical_mps() < 0.8);
     }
 }

@@ -180,7 +180,8 @@ impl Outlier {
     ///
     /// The number of draws does not depend on the outcome, so that options change only what they concern.
     pub(super) fn advance(&mut self, step_s: f64, rate_hz: f64, random: &mut impl Rng) -> f64 {
-        let (chance, duration, size) = (random.random::<f64>(), random.random::<f64>(), random.random::<f64>());
+        let (chance, duration, size) =
+            (random.random::<f64>(), random.random::<f64>(), random.random::<f64>());
         self.left_s -= step_s;
         if self.left_s <= 0.0 {
             *self = Self::default();
