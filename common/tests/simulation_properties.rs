@@ -2,10 +2,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use cofix_common::atmosphere::{
+    STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
+};
+use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use cofix_common::constraint::Constraint;
 use cofix_common::frames::LocalFrame;
-use cofix_common::gnss::{Constellation, SatelliteId};
-use cofix_common::simulation::{PhoneOptions, Scenario, SimulatedEpoch, Simulation};
+use cofix_common::gnss::{ClockGroup, Constellation, Observation, SatelliteId, SignalCode};
+use cofix_common::simulation::{InterSystemBiases, PhoneOptions, Scenario, SimulatedEpoch, Simulation};
+use nalgebra::{Rotation3, Vector3};
 
 fn simulation(scenario: Scenario) -> Simulation {
     Simulation::new(scenario).unwrap()
@@ -153,4 +158,121 @@ fn faults_begin_at_about_the_rate_asked() {
     }
     let ratio = beginnings as f64 / expected;
     assert!((0.5..2.0).contains(&ratio), "{beginnings} faults, {expected} expected");
+}
+
+/// What a receiver makes of a noise-free observation with the broadcast messages and the true position.
+struct Corrected {
+    satellite: SatelliteId,
+    signal: SignalCode,
+    /// P − I − T − c·TGD, m.
+    without_delays_m: f64,
+    /// P_c − range − receiver clock and bias, m.
+    residual_m: f64,
+    /// −λD without the receiver's drift, m/s.
+    without_drift_mps: f64,
+    /// Range rate − (v_s − v_k)·u − receiver clock drift, m/s.
+    rate_residual_mps: f64,
+}
+
+/// Corrects by the book: t_tx = tag − P/c − dT_s, and the Sagnac term ω·(x_s·y_k − y_s·x_k)/c.
+fn correct(
+    simulation: &Simulation,
+    biases: &InterSystemBiases,
+    simulated: &SimulatedEpoch,
+) -> Vec<Corrected> {
+    let c = SPEED_OF_LIGHT_MPS;
+    let (truth, tag) = (simulated.truth, simulated.epoch.time_gps);
+    let frame = LocalFrame::at(truth.position);
+    let one = |observation: &Observation| {
+        let (satellite, signal) = (observation.satellite, observation.signal);
+        let pseudorange = observation.pseudorange_m.unwrap();
+        let mut clock_s = 0.0;
+        for _ in 0..2 {
+            clock_s = simulation.satellite_state(satellite, tag - pseudorange / c - clock_s).unwrap().clock_s;
+        }
+        let state = simulation.satellite_state(satellite, tag - pseudorange / c - clock_s).unwrap();
+        let (s, k) = (state.position.0, truth.position.0);
+        let range = (s - k).norm() + EARTH_ROTATION_RADPS * (s.x * k.y - s.y * k.x) / c;
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), -EARTH_ROTATION_RADPS * range / c);
+        let unit = (turn * s - k).normalize();
+        let direction = frame.direction(&unit);
+        let wavelength = signal.wavelength_m(satellite.constellation, None).unwrap();
+        let ionosphere = klobuchar_delay_l1_m(simulation.klobuchar(), frame.geodetic(), direction, tag);
+        let troposphere = saastamoinen_delay_m(frame.geodetic(), direction, STANDARD_RELATIVE_HUMIDITY);
+        let message = simulation.ephemerides().iter().find(|m| m.satellite == satellite).unwrap();
+        let (first_s, second_s) = message.group_delays_s;
+        let group_delay = c * match (satellite.constellation, signal.band) {
+            (Constellation::Gps, b'5') => 0.0,
+            (Constellation::Galileo, _) => second_s,
+            _ => first_s,
+        };
+        let group = ClockGroup { constellation: satellite.constellation, band: signal.band };
+        let receiver_clock = c * (simulated.clock.bias_s + biases.of(group));
+        let without_delays_m =
+            pseudorange - scale_from_l1(ionosphere, c / wavelength) - troposphere - group_delay;
+        let without_drift_mps = -wavelength * observation.doppler_hz.unwrap() - c * simulated.clock.drift_sps;
+        let apparent = unit.dot(&(turn * state.velocity.0 - truth.velocity.0));
+        Corrected {
+            satellite,
+            signal,
+            without_delays_m: without_delays_m - c * simulated.clock.bias_s,
+            residual_m: without_delays_m + c * clock_s - range - receiver_clock,
+            without_drift_mps,
+            rate_residual_mps: without_drift_mps + c * state.clock_drift_sps - apparent,
+        }
+    };
+    simulated.epoch.observations.iter().map(one).collect()
+}
+
+#[test]
+fn without_errors_the_corrected_observations_fit_the_truth() {
+    let simulation = simulation(Scenario { noise_free: true, ..Scenario::default() });
+    let (mut worst_m, mut worst_mps, mut signals) = (0.0_f64, 0.0_f64, BTreeSet::new());
+    for phone in 0..3 {
+        let epochs = simulation.phone(phone).unwrap();
+        let biases = *epochs.inter_system_biases();
+        for simulated in epochs {
+            assert!(simulated.faults.is_empty());
+            for corrected in correct(&simulation, &biases, &simulated) {
+                worst_m = worst_m.max(corrected.residual_m.abs());
+                worst_mps = worst_mps.max(corrected.rate_residual_mps.abs());
+                signals.insert((corrected.satellite.constellation, corrected.signal));
+            }
+        }
+    }
+    println!("worst residuals {worst_m:.5} m, {worst_mps:.5} m/s");
+    assert!(worst_m < 0.01 && worst_mps < 0.01, "{worst_m} m, {worst_mps} m/s");
+    assert_eq!(signals.len(), 4, "{signals:?}");
+}
+
+#[test]
+fn doppler_is_the_derivative_of_the_pseudorange() {
+    let simulation = simulation(Scenario {
+        noise_free: true,
+        interval_s: 0.1,
+        duration_s: 40.0,
+        phones: vec![PhoneOptions::of_vehicle(0)],
+        ..Scenario::default()
+    });
+    let epochs = simulation.phone(0).unwrap();
+    let biases = *epochs.inter_system_biases();
+    let corrected: Vec<_> = epochs.map(|simulated| correct(&simulation, &biases, &simulated)).collect();
+    let mut compared = 0;
+    for three in corrected.windows(3) {
+        for middle in &three[1] {
+            let same = |epoch: &Vec<Corrected>| {
+                let found = |o: &&Corrected| (o.satellite, o.signal) == (middle.satellite, middle.signal);
+                epoch.iter().find(found).map(|o| o.without_delays_m)
+            };
+            let (Some(before), Some(after)) = (same(&three[0]), same(&three[2])) else { continue };
+            let derivative = (after - before) / 0.2;
+            assert!(
+                (derivative - middle.without_drift_mps).abs() < 0.006,
+                "{derivative} {}",
+                middle.without_drift_mps
+            );
+            compared += 1;
+        }
+    }
+    assert!(compared > 5_000, "{compared}");
 }

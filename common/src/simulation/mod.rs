@@ -48,7 +48,8 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::atmosphere::KlobucharCoefficients;
 use crate::constraint::Constraint;
-use crate::orbit::KeplerEphemeris;
+use crate::gnss::SatelliteId;
+use crate::orbit::{KeplerEphemeris, SatelliteState};
 use crate::time::GpsTime;
 
 use satellites::SimulatedSatellite;
@@ -107,6 +108,12 @@ impl Simulation {
     #[allow(clippy::unused_self)] // belongs to what a receiver is told
     pub const fn klobuchar(&self) -> &KlobucharCoefficients {
         &KLOBUCHAR
+    }
+
+    /// A satellite's state by its message in force; `None` for a satellite that does not exist.
+    pub fn satellite_state(&self, satellite: SatelliteId, time_gps: GpsTime) -> Option<SatelliteState> {
+        let found = self.satellites.iter().find(|simulated| simulated.id() == satellite)?;
+        found.state(time_gps)
     }
 
     /// The epochs of a phone in order of time; none for an index without a phone.

@@ -54,29 +54,32 @@ impl From<ClockOptions> for ClockState {
     }
 }
 
-/// Constant receiver biases of the clock groups against GPS L1, s.
+/// Clock groups with a bias against GPS L1.
+const BIASED_GROUPS: [ClockGroup; 3] = [
+    ClockGroup { constellation: Constellation::Gps, band: b'5' },
+    ClockGroup { constellation: Constellation::Galileo, band: b'1' },
+    ClockGroup { constellation: Constellation::Beidou, band: b'2' },
+];
+/// Their standard deviation, s.
+const BIAS_SIGMA_S: f64 = 40e-9;
+
+/// Constant receiver biases of the clock groups against GPS L1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct InterSystemBiases {
-    gps_l5_s: f64,
-    galileo_e1_s: f64,
-    beidou_b1i_s: f64,
+    /// In the order of `BIASED_GROUPS`, s.
+    biases_s: [f64; BIASED_GROUPS.len()],
 }
 
 impl InterSystemBiases {
     /// Draws biases with a standard deviation of 40 ns.
     pub(super) fn draw(random: &mut impl Rng) -> Self {
-        let mut bias = || 40e-9 * random.sample::<f64, _>(StandardNormal);
-        Self { gps_l5_s: bias(), galileo_e1_s: bias(), beidou_b1i_s: bias() }
+        Self { biases_s: BIASED_GROUPS.map(|_| BIAS_SIGMA_S * random.sample::<f64, _>(StandardNormal)) }
     }
 
     /// The bias of a clock group, s; 0 for GPS L1 and for groups that are not simulated.
     pub fn of(&self, group: ClockGroup) -> f64 {
-        match (group.constellation, group.band) {
-            (Constellation::Gps, b'5') => self.gps_l5_s,
-            (Constellation::Galileo, b'1') => self.galileo_e1_s,
-            (Constellation::Beidou, b'2') => self.beidou_b1i_s,
-            _ => 0.0,
-        }
+        let mut biases = BIASED_GROUPS.iter().zip(self.biases_s);
+        biases.find(|(of, _)| **of == group).map_or(0.0, |(_, bias_s)| bias_s)
     }
 }
 
