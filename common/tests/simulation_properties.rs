@@ -1,5 +1,7 @@
 //! Properties of the simulated convoy that hold for any seed, seen from outside.
 
+#![allow(clippy::unwrap_used)] // a test may
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use cofix_common::atmosphere::{

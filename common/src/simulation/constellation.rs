@@ -98,9 +98,10 @@ const BEIDOU_IGSO: Shell = Shell {
     accuracy_m: 2.0,
 };
 
-/// Ephemerides of all satellites whose reference times lie up to an hour before `from` and after `to`.
+/// Ephemerides of all satellites: hourly, from the hour before the one that `from` lies in, so that a user who takes
+/// only messages of the past has one, to the first that is not before `to`.
 pub(super) fn ephemerides(from: GpsTime, to: GpsTime, random: &mut impl Rng) -> Vec<KeplerEphemeris> {
-    let hour = (from.tow_s() / MESSAGE_INTERVAL_S).floor() * MESSAGE_INTERVAL_S;
+    let hour = ((from.tow_s() / MESSAGE_INTERVAL_S).floor() - 1.0) * MESSAGE_INTERVAL_S;
     let first = GpsTime::from_week_tow(from.week(), hour);
     let mut all = Vec::new();
     for shell in [GPS, GALILEO, BEIDOU_MEO, BEIDOU_IGSO] {
