@@ -11,7 +11,9 @@ use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use cofix_common::constraint::Constraint;
 use cofix_common::frames::LocalFrame;
 use cofix_common::gnss::{ClockGroup, Constellation, Observation, SatelliteId, SignalCode};
+use cofix_common::orbit::Products;
 use cofix_common::simulation::{InterSystemBiases, PhoneOptions, Scenario, SimulatedEpoch, Simulation};
+use cofix_common::time::GpsTime;
 use nalgebra::{Rotation3, Vector3};
 
 fn simulation(scenario: Scenario) -> Simulation {
@@ -179,6 +181,7 @@ struct Corrected {
 /// Corrects by the book: t_tx = tag − P/c − dT_s, and the Sagnac term ω·(x_s·y_k − y_s·x_k)/c.
 fn correct(
     simulation: &Simulation,
+    products: &Products,
     biases: &InterSystemBiases,
     simulated: &SimulatedEpoch,
 ) -> Vec<Corrected> {
@@ -190,9 +193,9 @@ fn correct(
         let pseudorange = observation.pseudorange_m.unwrap();
         let mut clock_s = 0.0;
         for _ in 0..2 {
-            clock_s = simulation.satellite_state(satellite, tag - pseudorange / c - clock_s).unwrap().clock_s;
+            clock_s = products.satellite_state(satellite, tag - pseudorange / c - clock_s).unwrap().clock_s;
         }
-        let state = simulation.satellite_state(satellite, tag - pseudorange / c - clock_s).unwrap();
+        let state = products.satellite_state(satellite, tag - pseudorange / c - clock_s).unwrap();
         let (s, k) = (state.position.0, truth.position.0);
         let range = (s - k).norm() + EARTH_ROTATION_RADPS * (s.x * k.y - s.y * k.x) / c;
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), -EARTH_ROTATION_RADPS * range / c);
@@ -201,17 +204,13 @@ fn correct(
         let wavelength = signal.wavelength_m(satellite.constellation, None).unwrap();
         let ionosphere = klobuchar_delay_l1_m(simulation.klobuchar(), frame.geodetic(), direction, tag);
         let troposphere = saastamoinen_delay_m(frame.geodetic(), direction, STANDARD_RELATIVE_HUMIDITY);
-        let message = simulation.ephemerides().iter().find(|m| m.satellite == satellite).unwrap();
-        let (first_s, second_s) = message.group_delays_s;
-        let group_delay = c * match (satellite.constellation, signal.band) {
-            (Constellation::Gps, b'5') => 0.0,
-            (Constellation::Galileo, _) => second_s,
-            _ => first_s,
-        };
+        // GPS L5 has no delay in the message, and without errors none in truth
+        let group_delay =
+            products.group_delay_correction_m(satellite, signal, state.clock_reference, tag).unwrap_or(0.0);
         let group = ClockGroup { constellation: satellite.constellation, band: signal.band };
         let receiver_clock = c * (simulated.clock.bias_s + biases.of(group));
         let without_delays_m =
-            pseudorange - scale_from_l1(ionosphere, c / wavelength) - troposphere - group_delay;
+            pseudorange - scale_from_l1(ionosphere, c / wavelength) - troposphere + group_delay;
         let without_drift_mps = -wavelength * observation.doppler_hz.unwrap() - c * simulated.clock.drift_sps;
         let apparent = unit.dot(&(turn * state.velocity.0 - truth.velocity.0));
         Corrected {
@@ -229,13 +228,14 @@ fn correct(
 #[test]
 fn without_errors_the_corrected_observations_fit_the_truth() {
     let simulation = simulation(Scenario { noise_free: true, ..Scenario::default() });
+    let products = simulation.products();
     let (mut worst_m, mut worst_mps, mut signals) = (0.0_f64, 0.0_f64, BTreeSet::new());
     for phone in 0..3 {
         let epochs = simulation.phone(phone).unwrap();
         let biases = *epochs.inter_system_biases();
         for simulated in epochs {
             assert!(simulated.faults.is_empty());
-            for corrected in correct(&simulation, &biases, &simulated) {
+            for corrected in correct(&simulation, &products, &biases, &simulated) {
                 worst_m = worst_m.max(corrected.residual_m.abs());
                 worst_mps = worst_mps.max(corrected.rate_residual_mps.abs());
                 signals.insert((corrected.satellite.constellation, corrected.signal));
@@ -256,9 +256,11 @@ fn doppler_is_the_derivative_of_the_pseudorange() {
         phones: vec![PhoneOptions::of_vehicle(0)],
         ..Scenario::default()
     });
+    let products = simulation.products();
     let epochs = simulation.phone(0).unwrap();
     let biases = *epochs.inter_system_biases();
-    let corrected: Vec<_> = epochs.map(|simulated| correct(&simulation, &biases, &simulated)).collect();
+    let corrected: Vec<_> =
+        epochs.map(|simulated| correct(&simulation, &products, &biases, &simulated)).collect();
     let mut compared = 0;
     for three in corrected.windows(3) {
         for middle in &three[1] {
@@ -277,4 +279,28 @@ fn doppler_is_the_derivative_of_the_pseudorange() {
         }
     }
     assert!(compared > 5_000, "{compared}");
+}
+
+#[test]
+fn a_long_drive_over_the_end_of_a_week_fits_too() {
+    let simulation = simulation(Scenario {
+        noise_free: true,
+        start_gps: GpsTime::from_week_tow(2409, 604_800.0 - 5_000.0),
+        duration_s: 18_000.0,
+        interval_s: 100.0,
+        phones: vec![PhoneOptions::of_vehicle(0)],
+        ..Scenario::default()
+    });
+    let products = simulation.products();
+    let epochs = simulation.phone(0).unwrap();
+    let biases = *epochs.inter_system_biases();
+    let (mut worst_m, mut count) = (0.0_f64, 0);
+    for simulated in epochs {
+        let corrected = correct(&simulation, &products, &biases, &simulated);
+        assert_eq!(corrected.len(), simulated.epoch.observations.len());
+        worst_m = corrected.iter().map(|one| one.residual_m.abs()).fold(worst_m, f64::max);
+        count += 1;
+    }
+    assert!(worst_m < 0.01, "{worst_m}");
+    assert_eq!(count, 180);
 }

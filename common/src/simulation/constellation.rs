@@ -215,3 +215,51 @@ fn wrapped(angle_rad: f64) -> f64 {
     let turned = angle_rad.rem_euclid(TAU);
     if turned > TAU / 2.0 { turned - TAU } else { turned }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    /// Three hours across the end of a week.
+    fn messages() -> Vec<KeplerEphemeris> {
+        let from = GpsTime::from_week_tow(2409, SECONDS_PER_WEEK - 4_000.0);
+        ephemerides(from, from + 10_800.0, &mut ChaCha8Rng::seed_from_u64(4))
+    }
+
+    #[test]
+    fn every_message_of_a_satellite_describes_the_same_orbit_and_clock() {
+        let mut compared = 0;
+        for pair in messages().windows(2).filter(|pair| pair[0].satellite == pair[1].satellite) {
+            let time = pair[0].toe + 1_000.0;
+            let (a, b) = (pair[0].state(time), pair[1].state(time));
+            let satellite = pair[0].satellite;
+            assert!(a.position.distance_m(b.position) < 1e-4, "{satellite}: {a:?} {b:?}");
+            assert!((a.velocity.0 - b.velocity.0).norm() < 1e-7, "{satellite}");
+            assert!((a.clock_s - b.clock_s).abs() < 1e-15, "{satellite}");
+            assert!(pair[1].toe_own_tow_s < SECONDS_PER_WEEK);
+            compared += 1;
+        }
+        assert_eq!(compared, 81 * 4);
+    }
+
+    #[test]
+    fn satellites_are_as_many_and_as_high_as_meant() {
+        let messages = messages();
+        let count = |constellation, radius_m: f64| {
+            let mut satellites: Vec<_> = messages
+                .iter()
+                .filter(|m| m.satellite.constellation == constellation)
+                .filter(|m| (m.state(m.toe).position.0.norm() / radius_m - 1.0).abs() < 0.03)
+                .map(|m| m.satellite)
+                .collect();
+            satellites.dedup();
+            satellites.len()
+        };
+        assert_eq!(count(Constellation::Gps, 26.56e6), 30);
+        assert_eq!(count(Constellation::Galileo, 29.60e6), 24);
+        assert_eq!(count(Constellation::Beidou, 27.91e6), 24);
+        assert_eq!(count(Constellation::Beidou, 42.16e6), 3);
+    }
+}

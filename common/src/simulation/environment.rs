@@ -64,11 +64,11 @@ impl Default for ErrorModel {
     fn default() -> Self {
         Self {
             code_a_m2: 0.25,
-            code_b_m2hz: 3e4,
+            code_b_m2hz: 5e4,
             rate_a_m2ps2: 4e-4,
             rate_b_m2ps2hz: 100.0,
-            multipath_open_m: 2.0,
-            multipath_canyon_m: 7.0,
+            multipath_open_m: 5.0,
+            multipath_canyon_m: 9.0,
             multipath_correlation_s: 20.0,
             outliers_open_hz: 1.0 / 3_000.0,
             outliers_canyon_hz: 1.0 / 150.0,

@@ -15,8 +15,8 @@ use crate::time::GpsTime;
 
 /// Flight time from a medium orbit, to begin with, s.
 const TYPICAL_FLIGHT_S: f64 = 0.075;
-/// Iterations of the light time; each gains a factor v/c ≈ 1e-5.
-const ITERATIONS: usize = 3;
+/// Iterations of the light time; each gains a factor v/c ≈ 3e-6, so that two leave less than a picosecond.
+const ITERATIONS: usize = 2;
 
 /// A signal's path to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -29,7 +29,6 @@ mod convoy;
 mod environment;
 mod geometry;
 mod observations;
-mod orbit;
 mod profile;
 mod receiver;
 mod road;
@@ -49,7 +48,9 @@ use rand_chacha::ChaCha8Rng;
 use crate::atmosphere::KlobucharCoefficients;
 use crate::constraint::Constraint;
 use crate::gnss::SatelliteId;
-use crate::orbit::{KeplerEphemeris, SatelliteState};
+use crate::orbit::{self, KeplerEphemeris, Products, SatelliteState};
+use crate::rinex::{IonosphereTerms, NavigationFile};
+use crate::skips::Skips;
 use crate::time::GpsTime;
 
 use satellites::SimulatedSatellite;
@@ -108,6 +109,25 @@ impl Simulation {
     #[allow(clippy::unused_self)] // belongs to what a receiver is told
     pub const fn klobuchar(&self) -> &KlobucharCoefficients {
         &KLOBUCHAR
+    }
+
+    /// All that a receiver is told, as if read from a navigation file.
+    pub fn navigation(&self) -> NavigationFile {
+        let KlobucharCoefficients { alpha, beta } = KLOBUCHAR;
+        NavigationFile {
+            ephemerides: self.ephemerides.clone(),
+            ionosphere: IonosphereTerms {
+                gps: Some(orbit::KlobucharCoefficients { alpha, beta }),
+                ..IonosphereTerms::default()
+            },
+            leap_seconds: Some(18),
+            skips: Skips::default(),
+        }
+    }
+
+    /// The products that a receiver corrects with.
+    pub fn products(&self) -> Products {
+        Products::new(Vec::new(), vec![self.navigation()])
     }
 
     /// A satellite's state by its message in force; `None` for a satellite that does not exist.

@@ -3,7 +3,6 @@
 use rand::Rng;
 use rand_distr::StandardNormal;
 
-use super::orbit;
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::LocalFrame;
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
@@ -42,7 +41,7 @@ impl SimulatedSatellite {
     /// State at `time` by the latest message whose reference time is not after it.
     pub(super) fn state(&self, time: GpsTime) -> Option<SatelliteState> {
         let index = self.messages.partition_point(|message| message.toe <= time).saturating_sub(1);
-        self.messages.get(index).map(|message| orbit::satellite_state(message, time))
+        self.messages.get(index).map(|message| message.state(time))
     }
 
     /// A quick look: whether the satellite is above −2° at the origin of `frame`.

@@ -88,7 +88,7 @@ impl Default for Scenario {
             origin: Geodetic::from_degrees(48.0, 11.5, 500.0),
             phones: (0..3).map(PhoneOptions::of_vehicle).collect(),
             convoy: ConvoyOptions::default(),
-            canyons: vec![Canyon { from_m: 2_100.0, to_m: 2_950.0, height_m: 18.0, half_width_m: 11.0 }],
+            canyons: vec![Canyon { from_m: 2_100.0, to_m: 2_950.0, height_m: 14.0, half_width_m: 14.0 }],
             errors: ErrorModel::default(),
             noise_free: false,
         }
