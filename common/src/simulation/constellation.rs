@@ -241,7 +241,7 @@ mod tests {
             assert!(pair[1].toe_own_tow_s < SECONDS_PER_WEEK);
             compared += 1;
         }
-        assert_eq!(compared, 81 * 4);
+        assert_eq!(compared, 81 * 5);
     }
 
     #[test]
