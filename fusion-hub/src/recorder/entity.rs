@@ -57,6 +57,20 @@ pub(super) fn bound_colour() -> Color {
     Color::from_rgb(0xD5, 0x5E, 0x00)
 }
 
+/// Colours of things without a colour of their own, in turn.
+pub(super) fn palette(index: usize) -> Color {
+    const COLOURS: [(u8, u8, u8); 6] = [
+        (0x56, 0xB4, 0xE9),
+        (0xF0, 0xE4, 0x42),
+        (0xE0, 0x60, 0x9C),
+        (0x00, 0xC8, 0x8C),
+        (0xB5, 0x9C, 0xFF),
+        (0xDD, 0xDD, 0xDD),
+    ];
+    let (red, green, blue) = COLOURS[index % COLOURS.len()];
+    Color::from_rgb(red, green, blue)
+}
+
 /// The path of the parts, whatever characters they contain.
 pub(super) fn path<'a>(parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
     EntityPath::new(parts.into_iter().map(EntityPathPart::new).collect())

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use cofix_common::constraint::{Constraint, ConstraintAction};
 use cofix_common::skips::Skips;
-use rerun::TextLogLevel;
+use rerun::{Color, TextLogLevel};
 
-use super::entity::{Method, bound_colour, pair_name, path};
+use super::entity::{Method, bound_colour, pair_name, palette, path};
 use super::rrd::{RecorderError, RrdFile};
 use super::series::{LogLines, Series, Style};
 use crate::engine::PairDistance;
@@ -46,11 +46,11 @@ impl Actions {
 }
 
 impl Distance {
-    fn new(pair: &str) -> Self {
+    fn new(pair: &str, colour: Color) -> Self {
         let entity = |what| path(["distances", pair, what]);
         let line = |what: &str, colour, width| Style::Line { name: format!("{pair}{what}"), colour, width };
         Self {
-            distance: Series::new(entity("distance"), line("", Method::Joint.colour(), 1.5)),
+            distance: Series::new(entity("distance"), line("", colour, 1.5)),
             sigma: Series::new(entity("sigma"), line(" 1σ", Method::Wls.colour(), 1.0)),
             minimum: Series::new(entity("minimum"), line(" minimum", bound_colour(), 1.0)),
             maximum: Series::new(entity("maximum"), line(" maximum", bound_colour(), 1.0)),
@@ -82,14 +82,15 @@ impl GroupRecorder {
             }
             let series = self.actions.entry(name).or_insert_with_key(|name| Actions::new(name));
             series.shift.push(time_ns, Some(action.shift_m), skips);
-            series.log.push(time_ns, level, text);
+            series.log.push(time_ns, level, &text);
         }
     }
 
     pub fn push_distances(&mut self, time_ns: i64, distances: &[PairDistance], skips: &mut Skips) {
         for pair in distances {
             let name = pair_name(&self.name(pair.phones.0), &self.name(pair.phones.1));
-            let series = self.distances.entry(pair.phones).or_insert_with(|| Distance::new(&name));
+            let colour = palette(self.distances.len());
+            let series = self.distances.entry(pair.phones).or_insert_with(|| Distance::new(&name, colour));
             series.push(time_ns, pair, skips);
         }
     }
@@ -106,6 +107,11 @@ impl GroupRecorder {
             distance.maximum.write_segment(file)?;
         }
         Ok(())
+    }
+
+    /// Names of all pairs so far.
+    pub fn pairs(&self) -> Vec<String> {
+        self.distances.keys().map(|&(a, b)| pair_name(&self.name(a), &self.name(b))).collect()
     }
 
     fn name(&self, phone: usize) -> String {

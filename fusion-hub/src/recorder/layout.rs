@@ -1,21 +1,35 @@
 //! The default layout of a recording.
 
-use rerun::blueprint::components::{Corner2D, LinkAxis, PanelState, PlayState, TimeRange, TimelineName};
+use rerun::blueprint::components::{
+    BackgroundKind, Corner2D, LinkAxis, PanelState, PlayState, TextLogColumn, TimeRange, TimelineColumn,
+    TimelineName,
+};
+use rerun::blueprint::datatypes::{self, TextLogColumnKind};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
-    PanelBlueprint, PlotLegend, TimeAxis, TimePanelBlueprint,
+    Background, EyeControls3D, PanelBlueprint, PlotLegend, ScalarAxis, TextLogColumns, TimeAxis,
+    TimePanelBlueprint,
 };
 use rerun::external::re_sdk_types::datatypes::{TimeInt, TimeRange as Range, TimeRangeBoundary};
 
 use super::blueprint::{Entities, Node, View, entities, horizontal, tabs, vertical};
 use super::entity::{Method, path, phone_path, subtree};
+use super::focus::focus_path;
 use super::rrd::TIMELINE;
 
+/// Where the eye of the 3D view is, from what it follows: only the direction counts.
+const EYE_ENU_M: [f32; 3] = [0.0, -10.0, 20.0];
+/// C/N0 that phones see lies in here, dB-Hz.
+const CN0_RANGE_DBHZ: [f64; 2] = [10.0, 55.0];
+
 /// The layout for the named phones and the recording's time span.
-pub(super) fn layout(phones: &[String], span_ns: Option<(i64, i64)>) -> Entities {
+pub(super) fn layout(phones: &[String], pairs: &[String], span_ns: Option<(i64, i64)>) -> Entities {
     let plots = Plots { span_ns };
     let left = vertical(vec![(3.0, map(phones)), (3.0, enu(phones))]);
-    let middle =
-        vertical(vec![(3.0, plots.errors(phones)), (2.0, plots.distances()), (3.0, plots.signals(phones))]);
+    let middle = vertical(vec![
+        (3.0, plots.errors(phones)),
+        (2.0, plots.distances(pairs)),
+        (3.0, plots.signals(phones)),
+    ]);
     let right = vertical(vec![(2.0, accuracy()), (3.0, log(phones))]);
     let root = horizontal(vec![(3.0, left), (4.0, middle), (3.0, right)]);
     let mut entities = match root {
@@ -48,7 +62,17 @@ fn map(phones: &[String]) -> Node {
 }
 
 fn enu(phones: &[String]) -> Node {
-    View::new("3D", "East, north, up of the first fix (m), 1σ", all(phones, &["enu"])).into()
+    let mut contents = all(phones, &["enu"]);
+    contents.push(subtree(&focus_path()));
+    let eye = EyeControls3D::new()
+        .with_position(EYE_ENU_M)
+        .with_look_target([0.0, 0.0, 0.0])
+        .with_tracking_entity(focus_path().to_string());
+    let black = Background::new(BackgroundKind::SolidColor).with_color(rerun::Color::from_rgb(0, 0, 0));
+    View::new("3D", "East, north, up (m) with 1σ ellipsoids", contents)
+        .with("Background", black)
+        .with("EyeControls3D", eye)
+        .into()
 }
 
 fn accuracy() -> Node {
@@ -56,8 +80,20 @@ fn accuracy() -> Node {
 }
 
 fn log(phones: &[String]) -> Node {
-    let constraints = View::new("TextLog", "Constraints", vec![subtree(&path(["constraints"]))]);
-    let raim = View::new("TextLog", "RAIM", all(phones, &["raim"]));
+    let view = |name, contents| {
+        let columns = TextLogColumns::new()
+            .with_timeline_columns([TimelineColumn(datatypes::TimelineColumn {
+                visible: true.into(),
+                timeline: TIMELINE.into(),
+            })])
+            .with_text_log_columns(
+                [TextLogColumnKind::LogLevel, TextLogColumnKind::Body]
+                    .map(|kind| TextLogColumn(datatypes::TextLogColumn { visible: true.into(), kind })),
+            );
+        View::new("TextLog", name, contents).with("TextLogColumns", columns)
+    };
+    let constraints = view("Constraints", vec![subtree(&path(["constraints"]))]);
+    let raim = view("RAIM", all(phones, &["raim"]));
     tabs("Log", vec![raim.into(), constraints.into()])
 }
 
@@ -91,24 +127,31 @@ impl Plots {
         tabs("Errors", children)
     }
 
-    fn distances(&self) -> Node {
-        let view = self.view("Distances (m)", vec![subtree(&path(["distances"]))]);
+    fn distances(&self, pairs: &[String]) -> Node {
+        let mut contents = vec![subtree(&path(["distances"]))];
+        contents.extend(pairs.iter().map(|pair| format!("- {}", path(["distances", pair, "sigma"]))));
+        let view = self
+            .view("Distances and bounds (m)", contents)
+            .with("PlotLegend", PlotLegend::new().with_visible(false));
         let shifts = self.view("Shifts by constraints (m)", vec![subtree(&path(["constraints"]))]);
         tabs("Constraints", vec![view.into(), shifts.into()])
     }
 
     fn signals(&self, phones: &[String]) -> Node {
+        let no_legend = || PlotLegend::new().with_visible(false);
         let of_phone = |what: &'static str, title: &str, phone: &String| {
             let contents = vec![subtree(&phone_path(phone, ["satellites", what]))];
-            self.view(format!("{phone} {title}"), contents)
-                .with("PlotLegend", PlotLegend::new().with_visible(false))
-                .into()
+            self.view(format!("{phone} {title}"), contents).with("PlotLegend", no_legend())
         };
-        let mut children = Vec::new();
+        let mut children: Vec<Node> = Vec::new();
         for phone in phones {
-            children.push(of_phone("cn0", "C/N0 (dB-Hz)", phone));
-            children.push(of_phone("residual", "residuals (m)", phone));
+            let cn0 = of_phone("cn0", "C/N0 (dB-Hz)", phone);
+            let range = ScalarAxis::new().with_range(CN0_RANGE_DBHZ);
+            children.push(cn0.with("ScalarAxis", range).into());
+            children.push(of_phone("residual", "residuals (m)", phone).into());
         }
+        children.push(self.view("Satellites used", all(phones, &["quality", "satellites"])).into());
+        children.push(self.view("PDOP", all(phones, &["quality", "pdop"])).into());
         tabs("Signals", children)
     }
 }

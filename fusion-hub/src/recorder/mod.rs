@@ -25,6 +25,7 @@
 //! | `/constraints/<constraint>/log` | `TextLog`, before → after |
 //! | `/distances/<a>–<b>/distance`, `…/sigma` | `Scalars`, m |
 //! | `/distances/<a>–<b>/minimum`, `…/maximum` | `Scalars`, m; no maximum when it is infinite |
+//! | `/focus` | `Boxes3D`, invisible: around the group, what the eye of the 3D view follows |
 //! | `/accuracy` | `TextDocument`, the accuracy table in Markdown, static |
 //!
 //! Where a value ends (a phone without an epoch, a satellite that sets), one empty row follows, so that the
@@ -37,6 +38,7 @@
 
 mod blueprint;
 mod entity;
+mod focus;
 mod group;
 mod layout;
 mod phone;
@@ -53,6 +55,8 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use rerun::{RecordingInfo, TextDocument, components::MediaType};
 
+use self::entity::palette;
+use self::focus::Focus;
 use self::group::GroupRecorder;
 use self::phone::{Epoch, PhoneRecorder, recordable};
 use self::rrd::RrdFile;
@@ -97,6 +101,7 @@ pub struct Recorder {
     config: RecorderConfig,
     phones: Vec<PhoneRecorder>,
     group: GroupRecorder,
+    focus: Focus,
     frame: Option<LocalFrame>,
     span_ns: Option<(i64, i64)>,
     epochs: usize,
@@ -122,13 +127,20 @@ impl Recorder {
             &rerun::EntityPath::properties(),
             &RecordingInfo::new().with_name(config.group.as_str()),
         )?;
-        let phones: Vec<_> = config.phones.iter().map(|name| PhoneRecorder::new(name)).collect();
+        let phones: Vec<_> = config
+            .phones
+            .iter()
+            .enumerate()
+            .map(|(index, name)| PhoneRecorder::new(name, palette(index)))
+            .collect();
         phones.iter().try_for_each(|phone| phone.write_style(&mut file))?;
+        Focus::write_style(&mut file)?;
         Ok(Self {
             file,
             config: config.clone(),
             phones,
             group: GroupRecorder::new(&config.phones),
+            focus: Focus::default(),
             frame: None,
             span_ns: None,
             epochs: 0,
@@ -159,6 +171,7 @@ impl Recorder {
             let reference = truth.get(index).copied().unwrap_or_default();
             recorder.push(at, phone, reference, &mut self.skips);
         }
+        self.focus.push(time_ns, &frame, &epoch.phones);
         self.group.push_actions(time_ns, &epoch.actions, &mut self.skips);
         self.group.push_distances(time_ns, &epoch.distances, &mut self.skips);
         let (first, last) = self.span_ns.unwrap_or((time_ns, time_ns));
@@ -181,13 +194,14 @@ impl Recorder {
         self.phones.iter().try_for_each(|phone| phone.write_lines(&mut self.file))?;
         let table = TextDocument::new(accuracy).with_media_type(MediaType::MARKDOWN);
         self.file.write_static(&entity::path(["accuracy"]), &table)?;
-        self.file.write_blueprint(&layout::layout(&self.config.phones, self.span_ns))?;
+        self.file.write_blueprint(&layout::layout(&self.config.phones, &self.group.pairs(), self.span_ns))?;
         let bytes = self.file.finish()?;
         Ok(Recorded { epochs: self.epochs, bytes, skips: self.skips })
     }
 
     fn write_segment(&mut self) -> Result<(), RecorderError> {
         self.phones.iter_mut().try_for_each(|phone| phone.write_segment(&mut self.file))?;
+        self.focus.write_segment(&mut self.file)?;
         self.group.write_segment(&mut self.file)
     }
 

@@ -8,7 +8,7 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
 use nalgebra::Matrix3;
-use rerun::TextLogLevel;
+use rerun::{Color, TextLogLevel};
 
 use super::Reference;
 use super::entity::{Method, phone_path};
@@ -56,10 +56,10 @@ pub(super) struct PhoneRecorder {
 }
 
 impl PhoneRecorder {
-    pub fn new(name: &str) -> Self {
+    /// `colour` is for plots that show all phones.
+    pub fn new(name: &str, colour: Color) -> Self {
         let quality = |what: &str| {
-            let style =
-                Style::Line { name: format!("{name} {what}"), colour: Method::Wls.colour(), width: 1.5 };
+            let style = Style::Line { name: name.to_owned(), colour, width: 1.5 };
             Series::new(phone_path(name, ["quality", what]), style)
         };
         Self {
@@ -137,7 +137,7 @@ impl PhoneRecorder {
         self.pdop.push(time_ns, message.and_then(|m| m.wls.as_ref()).map(|s| s.dops.pdop), skips);
         let Some(raim) = message.map(|m| m.raim) else { return };
         if raim.verdict != Verdict::Reliable || self.last_verdict != Some(raim.verdict) {
-            self.raim.push(time_ns, level(raim.verdict), describe(&self.name, &raim));
+            self.raim.push(time_ns, level(raim.verdict), &describe(&self.name, &raim));
         }
         self.last_verdict = Some(raim.verdict);
     }
@@ -225,7 +225,7 @@ fn describe(phone: &str, raim: &RaimReport) -> String {
     if let Some(test) = raim.global_test {
         let relation = if test.statistic <= test.threshold { "≤" } else { ">" };
         let (statistic, threshold, dof) = (test.statistic, test.threshold, test.degrees_of_freedom);
-        text += &format!("; D {statistic:.1} {relation} {threshold:.1}, {dof} degrees of freedom");
+        text += &format!("; D {statistic:.1} {relation} {threshold:.1}, {dof} dof");
     }
     if raim.excluded > 0 {
         text += &format!("; {} excluded", raim.excluded);

@@ -131,7 +131,8 @@ impl Track {
         if self.method != Method::Truth {
             let ellipsoids = Ellipsoids3D::update_fields()
                 .with_colors(colour)
-                .with_line_radii([rerun::Radius::new_ui_points(0.5)]);
+                .with_fill_mode(rerun::FillMode::MajorWireframe)
+                .with_line_radii([self.radius()]);
             file.write_static(&self.path("enu", Some("sigma")), &ellipsoids)?;
         }
         Ok(())
