@@ -1,3 +1,4 @@
 //! The fusion hub.
 
 pub mod engine;
+pub mod recorder;
