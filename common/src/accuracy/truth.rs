@@ -137,10 +137,8 @@ impl Truth {
 
     /// A truth of points of one quality.
     pub fn from_points(points: impl IntoIterator<Item = (GpsTime, TruthPoint)>, quality: u8) -> Self {
-        let rows = points
-            .into_iter()
-            .map(|(time_gps, point)| TruthRow { time_gps, point, quality })
-            .collect();
+        let rows =
+            points.into_iter().map(|(time_gps, point)| TruthRow { time_gps, point, quality }).collect();
         Self::from_rows(rows, &mut Skips::default())
     }
 
@@ -203,11 +201,9 @@ fn hermite(a: &TruthRow, b: &TruthRow, time: GpsTime) -> TruthPoint {
     let (s2, s3) = (s * s, s * s * s);
     let step = b.point.position.0 - a.point.position.0;
     let (va, vb) = (a.point.velocity.0, b.point.velocity.0);
-    let displacement =
-        step * (3.0 * s2 - 2.0 * s3) + va * (h * (s3 - 2.0 * s2 + s)) + vb * (h * (s3 - s2));
-    let velocity = step * ((6.0 * s - 6.0 * s2) / h)
-        + va * (3.0 * s2 - 4.0 * s + 1.0)
-        + vb * (3.0 * s2 - 2.0 * s);
+    let displacement = step * (3.0 * s2 - 2.0 * s3) + va * (h * (s3 - 2.0 * s2 + s)) + vb * (h * (s3 - s2));
+    let velocity =
+        step * ((6.0 * s - 6.0 * s2) / h) + va * (3.0 * s2 - 4.0 * s + 1.0) + vb * (3.0 * s2 - 2.0 * s);
     TruthPoint { position: a.point.position + EcefVector(displacement), velocity: EcefVector(velocity) }
 }
 
@@ -235,7 +231,10 @@ mod tests {
 
     #[test]
     fn wrong_files_say_what_is_missing() {
-        assert!(matches!(Truth::parse_csv(b"a,b\n1,2\n"), Err(TruthError::Column { column: "gps_week", .. })));
+        assert!(matches!(
+            Truth::parse_csv(b"a,b\n1,2\n"),
+            Err(TruthError::Column { column: "gps_week", .. })
+        ));
         assert!(matches!(table(""), Err(TruthError::Empty { rows: 0, .. })));
         assert!(Truth::parse_csv(&[0xff, 0xfe, 0, 1]).is_err());
     }
