@@ -1,3 +1,5 @@
 //! The fusion hub.
 
+pub mod align;
 pub mod engine;
+pub mod session;
