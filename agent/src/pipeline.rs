@@ -2,33 +2,140 @@
 
 use std::sync::Arc;
 
+use cofix_common::filter::{FilterOptions, JointFilter, Start};
+use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
+use cofix_common::integrity::{Monitored, RaimOptions, solve_with_raim};
+use cofix_common::measurement::{
+    CorrectedObservation, CorrectionOptions, Corrector, PreparedObservation, without_position,
+};
 use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
+use cofix_common::solve::{PointSolution, solve_position, solve_velocity};
+use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
+
+/// An epoch-wise position further than this from the last one is solved again from its own corrections, m.
+const RECORRECT_M: f64 = 1_000.0;
 
 /// What the pipeline may be told.
 #[derive(Clone, Debug, Default)]
-pub struct PipelineOptions {}
+pub struct PipelineOptions {
+    /// Masks, corrections and stochastic models.
+    pub correction: CorrectionOptions,
+    /// Integrity tests.
+    pub raim: RaimOptions,
+    /// The local filter.
+    pub filter: FilterOptions,
+}
 
 /// One phone's pipeline.
 pub struct PhonePipeline {
+    phone: String,
+    sequence: u64,
+    corrector: Corrector,
+    options: PipelineOptions,
+    position: Option<Ecef>,
+    filter: JointFilter,
     skips: Skips,
 }
 
 impl PhonePipeline {
     /// A pipeline for the phone `name`.
-    pub fn new(_name: &str, _products: Arc<Products>, _options: PipelineOptions) -> Self {
-        Self { skips: Skips::default() }
+    pub fn new(name: &str, products: Arc<Products>, options: PipelineOptions) -> Self {
+        Self {
+            phone: name.to_owned(),
+            sequence: 0,
+            corrector: Corrector::new(products, options.correction),
+            filter: JointFilter::new(options.filter),
+            options,
+            position: None,
+            skips: Skips::default(),
+        }
     }
 
     /// Processes one epoch; epochs come in order of time.
-    pub fn process(&mut self, _epoch: &ObservationEpoch) -> EpochMessage {
-        todo!()
+    pub fn process(&mut self, epoch: &ObservationEpoch) -> EpochMessage {
+        let (observations, Monitored { fit, report }) = self.solve(epoch);
+        let wls = match &fit {
+            Ok(fit) => fit.to_solution(solve_velocity(&observations, fit.position())),
+            Err(error) => {
+                self.skips.add("epoch without a solution", || format!("{}: {error}", epoch.time_gps));
+                None
+            }
+        };
+        if let Some(solution) = &wls {
+            self.position = Some(solution.position);
+        }
+        self.filter(epoch.time_gps, &observations, wls.as_ref());
+        let message = EpochMessage {
+            phone: self.phone.clone(),
+            sequence: self.sequence,
+            time_gps: epoch.time_gps,
+            observations,
+            wls,
+            local: self.filter.state(0),
+            raim: report,
+        };
+        self.sequence += 1;
+        message
     }
 
     /// What was skipped so far.
-    pub fn skips(&self) -> &Skips {
-        &self.skips
+    pub fn skips(&self) -> Skips {
+        let mut all = self.skips.clone();
+        all.merge(self.corrector.skips());
+        all
     }
+
+    /// Corrects and solves. Corrections are made for the last known position, or, without one, for a first solution
+    /// without atmosphere; when the solution turns out far from there, they are made again.
+    fn solve(&mut self, epoch: &ObservationEpoch) -> (Vec<CorrectedObservation>, Monitored) {
+        let prepared = self.corrector.prepare(epoch);
+        let mut seen_from = self.position.unwrap_or_else(|| rough_position(&prepared));
+        let mut rounds_left = 3;
+        loop {
+            rounds_left -= 1;
+            let mut observations = self.corrector.finish(&prepared, seen_from, epoch.time_gps);
+            let monitored = solve_with_raim(&mut observations, seen_from, &self.options.raim);
+            let Ok(fit) = &monitored.fit else { return (observations, monitored) };
+            let moved_m = fit.position().distance_m(seen_from);
+            if moved_m <= RECORRECT_M || rounds_left == 0 {
+                for observation in &mut observations {
+                    observation.residual_m = fit.residual_of(observation);
+                }
+                return (observations, monitored);
+            }
+            seen_from = fit.position();
+        }
+    }
+
+    fn filter(
+        &mut self,
+        time_gps: GpsTime,
+        observations: &[CorrectedObservation],
+        wls: Option<&PointSolution>,
+    ) {
+        self.filter.predict(time_gps);
+        let stale = self.filter.is_empty()
+            || self.filter.silence_s(0) > self.options.filter.maximum_gap_s
+            || !self.filter.is_sound();
+        if stale {
+            let Some(solution) = wls else {
+                if !self.filter.is_empty() {
+                    self.filter.remove(0);
+                }
+                return;
+            };
+            self.filter.insert(0, time_gps, &Start::at_solution(solution));
+        } else if !observations.is_empty() {
+            self.filter.update(0, observations);
+        }
+    }
+}
+
+/// Where a phone about which nothing is known may be: a solution without atmosphere, else the Earth's centre.
+fn rough_position(prepared: &[PreparedObservation]) -> Ecef {
+    let centre = Ecef::new(0.0, 0.0, 0.0);
+    solve_position(&without_position(prepared), centre).map_or(centre, |fit| fit.position())
 }

@@ -1,7 +1,7 @@
 //! The hub's estimator: aligned epochs in, fused and constrained epochs out. No I/O.
 
-use cofix_common::constraint::{Constraint, ConstraintAction};
-use cofix_common::filter::PhoneState;
+use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOptions, constrain};
+use cofix_common::filter::{FilterOptions, JointFilter, PhoneState, Start};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
@@ -19,7 +19,12 @@ pub struct ScheduledConstraint {
 
 /// What the engine may be told.
 #[derive(Clone, Debug, Default)]
-pub struct EngineOptions {}
+pub struct EngineOptions {
+    /// The joint filter.
+    pub filter: FilterOptions,
+    /// How constraints act.
+    pub constraints: ConstraintOptions,
+}
 
 /// One fused epoch of the group.
 #[derive(Clone, Debug)]
@@ -60,22 +65,156 @@ pub struct PairDistance {
 
 /// The joint estimator of a group.
 pub struct Engine {
+    phones: Vec<String>,
+    constraints: Vec<ScheduledConstraint>,
+    options: EngineOptions,
+    filter: JointFilter,
     skips: Skips,
 }
 
 impl Engine {
     /// An engine for the named phones.
-    pub fn new(_phones: &[String], _constraints: Vec<ScheduledConstraint>, _options: EngineOptions) -> Self {
-        Self { skips: Skips::default() }
+    pub fn new(phones: &[String], constraints: Vec<ScheduledConstraint>, options: EngineOptions) -> Self {
+        let filter = JointFilter::new(options.filter);
+        Self { phones: phones.to_vec(), constraints, options, filter, skips: Skips::default() }
     }
 
-    /// Fuses the messages of one aligned epoch: at most one per phone, `None` where a phone has none.
-    pub fn step(&mut self, _messages: Vec<Option<EpochMessage>>) -> FusedEpoch {
-        todo!()
+    /// Fuses the messages of one aligned epoch: at most one per phone, `None` where a phone has none. Each message updates
+    /// the filter at its own receive time, in order of time; constraints act at the latest of them.
+    pub fn step(&mut self, messages: Vec<Option<EpochMessage>>) -> FusedEpoch {
+        let mut order: Vec<(GpsTime, usize)> = messages
+            .iter()
+            .enumerate()
+            .filter_map(|(phone, message)| message.as_ref().map(|m| (m.time_gps, phone)))
+            .collect();
+        order.sort_unstable();
+        for (_, phone) in &order {
+            if let Some(Some(message)) = messages.get(*phone) {
+                self.admit(*phone, message);
+            }
+        }
+        let time_gps = order.last().map_or(self.filter.time_gps(), |(time, _)| *time);
+        self.drop_silent();
+        let actions = self.constrain(time_gps);
+        let distances = self.distances(time_gps);
+        let phones = messages
+            .into_iter()
+            .enumerate()
+            .map(|(phone, message)| FusedPhone {
+                message,
+                state: self.filter.slot(phone).and_then(|slot| self.filter.state(slot)),
+            })
+            .collect();
+        FusedEpoch { time_gps, phones, actions, distances }
     }
 
     /// What was skipped so far.
-    pub fn skips(&self) -> &Skips {
+    pub const fn skips(&self) -> &Skips {
         &self.skips
+    }
+
+    fn admit(&mut self, phone: usize, message: &EpochMessage) {
+        if !self.filter.is_empty() && message.time_gps < self.filter.time_gps() {
+            let (name, time) = (&message.phone, message.time_gps);
+            let late_s = self.filter.time_gps() - time;
+            self.skips.add("epoch before the filter's time", || format!("{name} at {time}, {late_s:.3} s late"));
+            return;
+        }
+        self.filter.predict(message.time_gps);
+        if let Some(slot) = self.filter.slot(phone) {
+            if !message.observations.is_empty() {
+                self.filter.update(slot, &message.observations);
+            }
+        } else if let Some(solution) = &message.wls {
+            self.filter.insert(phone, message.time_gps, &Start::at_solution(solution));
+        }
+        if !self.filter.is_sound() {
+            self.restart(message);
+        }
+    }
+
+    /// Forgets a state that is not finite or not positive any more; phones come back with their next solution.
+    fn restart(&mut self, message: &EpochMessage) {
+        self.skips.add("joint filter restarted", || {
+            format!("state not sound after {} at {}", message.phone, message.time_gps)
+        });
+        self.filter = JointFilter::new(self.options.filter);
+    }
+
+    /// Takes out phones that have been silent for too long to predict.
+    fn drop_silent(&mut self) {
+        for (phone, name) in self.phones.iter().enumerate() {
+            let Some(slot) = self.filter.slot(phone) else { continue };
+            let silence_s = self.filter.silence_s(slot);
+            if silence_s > self.options.filter.maximum_gap_s {
+                let time = self.filter.time_gps();
+                self.filter.remove(slot);
+                self.skips.add("silent phone dropped from the filter", || {
+                    format!("{name} at {time} after {silence_s:.1} s")
+                });
+            }
+        }
+    }
+
+    /// The constraints in force whose phones are all present; phones by group index and by slot.
+    fn in_force(&self, time_gps: GpsTime) -> impl Iterator<Item = (Constraint, Constraint)> + '_ {
+        self.constraints
+            .iter()
+            .filter(move |c| {
+                c.from_gps.is_none_or(|from| from <= time_gps) && c.to_gps.is_none_or(|to| time_gps <= to)
+            })
+            .filter_map(|c| Some((c.constraint, self.on_slots(c.constraint)?)))
+    }
+
+    fn on_slots(&self, constraint: Constraint) -> Option<Constraint> {
+        Some(match constraint {
+            Constraint::Distance { phones: (a, b), minimum_m, maximum_m } => Constraint::Distance {
+                phones: (self.filter.slot(a)?, self.filter.slot(b)?),
+                minimum_m,
+                maximum_m,
+            },
+            Constraint::VerticalVelocity { phone, maximum_mps } => {
+                Constraint::VerticalVelocity { phone: self.filter.slot(phone)?, maximum_mps }
+            }
+            Constraint::Heading { phone, course_rad, tolerance_rad } => {
+                Constraint::Heading { phone: self.filter.slot(phone)?, course_rad, tolerance_rad }
+            }
+        })
+    }
+
+    fn constrain(&mut self, time_gps: GpsTime) -> Vec<ConstraintAction> {
+        let (named, on_slots): (Vec<_>, Vec<_>) = self.in_force(time_gps).unzip();
+        if on_slots.is_empty() {
+            return Vec::new();
+        }
+        let (mean, covariance) = self.filter.law_mut();
+        let mut actions = constrain(mean, covariance, &on_slots, &self.options.constraints);
+        for action in &mut actions {
+            // Reports name phones by their place in the group.
+            if let Some(index) = on_slots.iter().position(|c| *c == action.constraint) {
+                action.constraint = named[index];
+            }
+        }
+        actions
+    }
+
+    fn distances(&self, time_gps: GpsTime) -> Vec<PairDistance> {
+        self.in_force(time_gps).filter_map(|(named, on_slots)| self.distance(named, on_slots)).collect()
+    }
+
+    fn distance(&self, named: Constraint, on_slots: Constraint) -> Option<PairDistance> {
+        let (Constraint::Distance { phones, minimum_m, maximum_m }, Constraint::Distance { phones: (a, b), .. }) =
+            (named, on_slots)
+        else {
+            return None;
+        };
+        let (at, bt) = (self.filter.state(a)?, self.filter.state(b)?);
+        Some(PairDistance {
+            phones,
+            distance_m: at.position().distance_m(bt.position()),
+            sigma_m: self.filter.distance_sigma_m(a, b)?,
+            minimum_m,
+            maximum_m,
+        })
     }
 }

@@ -1,5 +1,14 @@
 //! The joint Kalman filter over K ≥ 1 phones; the agent's local filter is the case K = 1.
 
+mod joint;
+mod options;
+mod process;
+mod update;
+
+pub use joint::{JointFilter, Start};
+pub use options::{FilterOptions, ProcessNoise, RobustWeights};
+pub use update::UpdateReport;
+
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 

@@ -1,5 +1,9 @@
 //! Receiver autonomous integrity monitoring (Cappello 2023).
 
+mod exclusion;
+
+pub use exclusion::{DopLimits, Monitored, RaimOptions, solve_with_raim};
+
 use std::fmt;
 
 use serde::{Deserialize, Serialize};

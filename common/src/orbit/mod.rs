@@ -1,10 +1,19 @@
 //! Satellite position, velocity and clock, from precise (SP3) or broadcast (Kepler) orbits.
 
+mod broadcast;
+mod group_delay;
+mod ionosphere;
 mod kepler;
+mod precise;
 mod products;
+mod sp3;
 
+pub use broadcast::is_healthy;
+pub use ionosphere::KlobucharCoefficients;
 pub use kepler::{KeplerEphemeris, NavigationMessage};
+pub use precise::{MAX_NODES, MIN_NODES};
 pub use products::Products;
+pub use sp3::{Sp3, Sp3Error, Sp3Position};
 
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::SatelliteId;

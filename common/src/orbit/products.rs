@@ -1,5 +1,166 @@
 //! Orbits, clocks, group delays and ionosphere terms from whatever files there are.
 
+use super::broadcast::BroadcastOrbit;
+use super::group_delay::GroupDelays;
+use super::precise::PreciseOrbit;
+use super::{
+    ClockReference, KeplerEphemeris, KlobucharCoefficients, OrbitError, SatelliteState, Sp3, Sp3Position,
+};
+use crate::gnss::{SatelliteId, SignalCode};
+use crate::rinex::NavigationFile;
+use crate::time::GpsTime;
+
+/// Places for satellites: a hundred numbers in each of seven systems.
+const PLACES: usize = 700;
+const NUMBERS: usize = 100;
+
 /// All products of a session.
 #[derive(Clone, Debug, Default)]
-pub struct Products {}
+pub struct Products {
+    /// By system and number; empty when there are no products at all.
+    satellites: Vec<Satellite>,
+    ionosphere: Option<KlobucharCoefficients>,
+    precise_span: Option<(GpsTime, GpsTime)>,
+    leap_seconds: Option<i64>,
+}
+
+/// What is known of one satellite.
+#[derive(Clone, Debug, Default)]
+struct Satellite {
+    precise: PreciseOrbit,
+    broadcast: BroadcastOrbit,
+}
+
+impl Products {
+    /// From precise and broadcast files, any number of each. Where SP3 files overlap, the one named first holds.
+    pub fn new(sp3: Vec<Sp3>, navigation: Vec<NavigationFile>) -> Self {
+        let mut products = Self { satellites: vec![Satellite::default(); PLACES], ..Self::default() };
+        for file in sp3 {
+            products.add_sp3(file);
+        }
+        for file in navigation {
+            products.add_navigation(file);
+        }
+        products
+    }
+
+    /// Adds a precise file.
+    fn add_sp3(&mut self, mut file: Sp3) {
+        // A stable sort: each satellite's positions stay in time order.
+        file.positions.sort_by_key(|position| position.satellite);
+        for positions in file.positions.chunk_by(|a, b| a.satellite == b.satellite) {
+            self.add_positions(file.interval_s, positions);
+        }
+    }
+
+    fn add_positions(&mut self, interval_s: f64, positions: &[Sp3Position]) {
+        let Some(first) = positions.first() else { return };
+        let Some(satellite) = place(first.satellite).and_then(|at| self.satellites.get_mut(at)) else {
+            return;
+        };
+        satellite.precise.add(interval_s, positions);
+        for Sp3Position { time, .. } in positions {
+            let (a, b) = self.precise_span.unwrap_or((*time, *time));
+            self.precise_span = Some((a.min(*time), b.max(*time)));
+        }
+    }
+
+    /// Adds a broadcast file.
+    fn add_navigation(&mut self, file: NavigationFile) {
+        self.ionosphere = self.ionosphere.or(file.ionosphere.gps);
+        self.leap_seconds = self.leap_seconds.or(file.leap_seconds);
+        for ephemeris in file.ephemerides {
+            if let Some(satellite) = place(ephemeris.satellite).and_then(|at| self.satellites.get_mut(at)) {
+                satellite.broadcast.add(ephemeris);
+            }
+        }
+    }
+
+    /// Satellite position, velocity and clock at an instant (of transmission, for a user), in the Earth-fixed
+    /// frame of that instant: from SP3 where it covers, else by the broadcast ephemeris in force.
+    ///
+    /// # Errors
+    /// When no product knows the satellite at that time, or the broadcast message says that it is unhealthy.
+    pub fn satellite_state(
+        &self,
+        satellite: SatelliteId,
+        time: GpsTime,
+    ) -> Result<SatelliteState, OrbitError> {
+        let known = self.known(satellite).ok_or(OrbitError::Unknown { satellite })?;
+        match known.precise.state(satellite, time) {
+            Ok(state) => Ok(state),
+            Err(no_precise) if known.broadcast.is_empty() => Err(no_precise),
+            Err(OrbitError::NotCovered { first, last, .. }) => {
+                // Neither covers: the span of the precise orbits tells more than that of messages.
+                let not_covered = OrbitError::NotCovered { satellite, time, first, last };
+                known.broadcast.state(satellite, time).map_err(|error| match error {
+                    OrbitError::Unhealthy { .. } => error,
+                    _ => not_covered,
+                })
+            }
+            Err(_) => known.broadcast.state(satellite, time),
+        }
+    }
+
+    /// Metres to add to a pseudorange on `signal` so that it fits a satellite clock of the given reference.
+    /// Group delays drift slowly, so the message nearest in time serves at any age; see
+    /// [`Products::group_delay_age_s`]. `None` when nothing is known (GPS L5, for one): let a bias or a larger
+    /// standard deviation carry it.
+    pub fn group_delay_correction_m(
+        &self,
+        satellite: SatelliteId,
+        signal: SignalCode,
+        reference: ClockReference,
+        time: GpsTime,
+    ) -> Option<f64> {
+        let broadcast = &self.known(satellite)?.broadcast;
+        let (main, fnav) = broadcast.nearest(time);
+        let nearest = main.or(fnav)?;
+        let message = broadcast.in_force(satellite, time).unwrap_or(nearest).message;
+        let (first_s, second_s) = nearest.group_delays_s;
+        GroupDelays { first_s, second_s }.correction_m(satellite.constellation, signal, reference, message)
+    }
+
+    /// Seconds between `time` and the nearest navigation message of any satellite, `None` without messages.
+    /// Group delays older than a few weeks deserve a warning.
+    pub fn group_delay_age_s(&self, time: GpsTime) -> Option<f64> {
+        self.satellites
+            .iter()
+            .filter_map(|satellite| {
+                let (main, fnav) = satellite.broadcast.nearest(time);
+                main.or(fnav)
+            })
+            .map(|ephemeris| (time - ephemeris.toe).abs())
+            .min_by(f64::total_cmp)
+    }
+
+    /// Klobuchar coefficients of the first navigation file that has them.
+    pub const fn ionosphere(&self) -> Option<KlobucharCoefficients> {
+        self.ionosphere
+    }
+
+    /// Seconds that GPS time is ahead of UTC, by the first navigation file that says so.
+    pub const fn leap_seconds(&self) -> Option<i64> {
+        self.leap_seconds
+    }
+
+    /// First and last epoch of the SP3 files, `None` without any.
+    pub const fn coverage(&self) -> Option<(GpsTime, GpsTime)> {
+        self.precise_span
+    }
+
+    /// The broadcast ephemeris in force for a satellite, whatever its health.
+    pub fn ephemeris(&self, satellite: SatelliteId, time: GpsTime) -> Option<&KeplerEphemeris> {
+        self.known(satellite)?.broadcast.in_force(satellite, time)
+    }
+
+    fn known(&self, satellite: SatelliteId) -> Option<&Satellite> {
+        self.satellites.get(place(satellite)?)
+    }
+}
+
+/// Place of a satellite in the table.
+fn place(satellite: SatelliteId) -> Option<usize> {
+    let number = usize::from(satellite.number);
+    (number < NUMBERS).then_some(satellite.constellation as usize * NUMBERS + number)
+}

@@ -1,1 +1,120 @@
-//! RINEX observation and navigation files.
+//! RINEX 3.0x observation and navigation files (Gini: RINEX, the Receiver Independent Exchange Format, 3.05).
+//!
+//! The observation decoder takes one line at a time and owns no input; the functions over whole files accept
+//! plain or gzip-compressed bytes. Damage costs the damaged value, line or record, and is counted in
+//! [`crate::skips::Skips`].
+
+mod decimal;
+mod decompress;
+mod header;
+mod navigation;
+mod navigation_record;
+mod observation;
+mod observation_record;
+
+pub(crate) use decimal::{integer, real};
+pub use decompress::{DecompressError, MAX_DECOMPRESSED_BYTES, decompress};
+pub use header::{ObservationHeader, ObservationKind, ObservationType};
+pub use navigation::{IonosphereTerms, NavigationFile};
+pub use observation::{ObservationDecoder, ObservationFile};
+
+/// Why a file cannot be read at all.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum RinexError {
+    /// The first line has no RINEX version label.
+    #[error("not a RINEX file: line {line} has no 'RINEX VERSION / TYPE' label, but reads '{found}'")]
+    NotRinex {
+        /// Line number.
+        line: u64,
+        /// Its text, shortened.
+        found: String,
+    },
+    /// A RINEX file of another kind.
+    #[error("this is a RINEX file of type '{found}'; an {expected} file is needed")]
+    WrongType {
+        /// What is needed.
+        expected: &'static str,
+        /// What the header says.
+        found: String,
+    },
+    /// A version that is not read here.
+    #[error("RINEX version {found} is not supported; versions 3.00 to 3.05 are (convert the file first)")]
+    Version {
+        /// What the header says.
+        found: String,
+    },
+    /// A Hatanaka-compressed file.
+    #[error("this is a Hatanaka-compressed (CRINEX) file; expand it with crx2rnx first")]
+    Hatanaka,
+    /// A header line that is needed and cannot be read.
+    #[error("header line {line} ({label}) cannot be read: '{text}'")]
+    HeaderLine {
+        /// Line number.
+        line: u64,
+        /// Label of the line.
+        label: &'static str,
+        /// The text, shortened.
+        text: String,
+    },
+    /// The input ended before END OF HEADER.
+    #[error("the file ends after {lines} lines, before END OF HEADER")]
+    HeaderIncomplete {
+        /// Lines read.
+        lines: u64,
+    },
+    /// The header lists no observation types.
+    #[error("the header has no 'SYS / # / OBS TYPES' line, so the columns have no meaning")]
+    NoObservationTypes,
+    /// A time system that is not known.
+    #[error("time system '{found}' in TIME OF FIRST OBS is not known; GPS, GAL, QZS, IRN, BDT, GLO, UTC are")]
+    TimeSystem {
+        /// What the header says.
+        found: String,
+    },
+    /// UTC times without the leap seconds.
+    #[error(
+        "times are in {system}, but the header has no LEAP SECONDS; add that line to convert to GPS time"
+    )]
+    LeapSecondsUnknown {
+        /// The time system.
+        system: String,
+    },
+    /// The gzip container is damaged or too large.
+    #[error(transparent)]
+    Decompress(#[from] DecompressError),
+}
+
+/// Text of a line for an error message: the printable start of it.
+pub(crate) fn shorten(line: &[u8]) -> String {
+    let start = line.get(..line.len().min(60)).unwrap_or_default();
+    String::from_utf8_lossy(start).chars().map(|c| if c.is_control() { '?' } else { c }).collect()
+}
+
+/// The lines of a file with their numbers from 1, without line ends.
+pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = (u64, &[u8])> {
+    let mut rest = bytes;
+    let mut number = 0;
+    std::iter::from_fn(move || {
+        let before = rest;
+        // Searching a slice in memory cannot fail; `skip_until` is the standard library's fast byte search.
+        let taken = std::io::BufRead::skip_until(&mut rest, b'\n').unwrap_or(0);
+        number += 1;
+        (taken > 0).then(|| (number, trim_end(before.get(..taken).unwrap_or_default())))
+    })
+}
+
+/// Removes LF and CR from the end.
+pub(crate) fn trim_end(line: &[u8]) -> &[u8] {
+    let line = line.strip_suffix(b"\n").unwrap_or(line);
+    line.strip_suffix(b"\r").unwrap_or(line)
+}
+
+/// Columns `from..to` of a line, as much of them as there is.
+pub(crate) fn columns(line: &[u8], from: usize, to: usize) -> &[u8] {
+    line.get(from..to.min(line.len())).unwrap_or_default()
+}
+
+/// Text of a field: trimmed, damaged UTF-8 replaced.
+pub(crate) fn text(field: &[u8]) -> String {
+    String::from_utf8_lossy(field.trim_ascii()).into_owned()
+}

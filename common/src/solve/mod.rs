@@ -1,5 +1,13 @@
 //! Epoch-wise weighted least squares: position, clocks, velocity, dilution of precision.
 
+pub(crate) mod elimination;
+pub(crate) mod groups;
+pub(crate) mod position;
+pub(crate) mod velocity;
+
+pub use position::{Fit, SolveError, solve_position};
+pub use velocity::solve_velocity;
+
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 

@@ -1,1 +1,13 @@
-//! Distributions and quantiles.
+//! Distributions and quantiles, right in the far tails where tests and truncation live.
+//!
+//! - [`normal`]: the standard normal law, with logarithms and quantiles.
+//! - [`chi_square`]: tail probability and thresholds for an integer number of degrees of freedom.
+//! - [`truncated`]: moments of a standard normal variable known to lie in an interval.
+
+pub mod chi_square;
+pub mod normal;
+mod quadrature;
+pub mod truncated;
+
+pub use chi_square::{ChiSquareThresholds, chi_square_threshold, chi_square_upper_tail};
+pub use truncated::{TruncatedMoments, log_interval_probability, truncated_moments};

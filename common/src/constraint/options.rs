@@ -1,0 +1,102 @@
+//! How constraints are applied.
+
+use serde::{Deserialize, Serialize};
+
+use super::truncation::Enlargement;
+
+/// How several constraints are brought into one state.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// One by one in the given order (Peng §2.2.4), those that are violated again in further sweeps. A constraint that
+    /// comes again replaces what it did before; it never counts twice.
+    Sequential {
+        /// Largest number of sweeps, ≥ 1.
+        max_sweeps: u32,
+    },
+    /// Expectation propagation (Minka 2001): each constraint is refreshed given all the others until nothing changes.
+    ExpectationPropagation {
+        /// Largest number of sweeps, ≥ 1.
+        max_sweeps: u32,
+        /// Part of the former site that is kept, in [0, 1): 0 for none.
+        damping: f64,
+    },
+}
+
+/// What a bounded distance means for the vector d between two phones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DistanceModel {
+    /// The paper's: minimum ≤ uᵀd ≤ maximum on the line u between the phones.
+    Radial,
+    /// |d| ≤ maximum bounds every component of d: −maximum ≤ eᵀd ≤ maximum on the line and on two axes across. A minimum
+    /// above zero bounds the component on the line as in `Radial`.
+    Box,
+}
+
+/// When a phone moves fast enough to have a heading.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HeadingGate {
+    /// Least horizontal speed, m/s.
+    pub minimum_speed_mps: f64,
+    /// Least horizontal speed in standard deviations of the horizontal velocity.
+    pub minimum_sigmas: f64,
+}
+
+impl Default for HeadingGate {
+    fn default() -> Self {
+        Self { minimum_speed_mps: 1.0, minimum_sigmas: 3.0 }
+    }
+}
+
+/// How constraints are applied.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ConstraintOptions {
+    /// How several are combined.
+    pub method: Method,
+    /// What happens to an interval that the state contradicts.
+    pub enlargement: Enlargement,
+    /// Whether the law is truncated even if its mean is inside the bounds already. Algorithm 1 leaves such a state alone;
+    /// but a mean inside does not mean that the tails are.
+    pub act_when_inside: bool,
+    /// What a distance constrains.
+    pub distance_model: DistanceModel,
+    /// Time over which velocity constraints look ahead with the acceleration, s; 0 constrains the velocity itself.
+    pub horizon_s: f64,
+    /// When a heading applies.
+    pub heading_gate: HeadingGate,
+    /// Largest number of times that a distance is linearised anew at one refresh.
+    pub max_relinearisations: u32,
+}
+
+impl Default for ConstraintOptions {
+    /// Expectation propagation with the intervals as given.
+    fn default() -> Self {
+        Self {
+            method: Method::ExpectationPropagation { max_sweeps: 10, damping: 0.0 },
+            enlargement: Enlargement::Fixed,
+            act_when_inside: true,
+            distance_model: DistanceModel::Box,
+            horizon_s: 0.0,
+            heading_gate: HeadingGate::default(),
+            max_relinearisations: 5,
+        }
+    }
+}
+
+impl ConstraintOptions {
+    /// As Peng 2023 does it: Algorithm 1 with c = 0.1 and factor 1.5, one by one, velocities over 1 s.
+    pub fn peng2023() -> Self {
+        Self {
+            method: Method::Sequential { max_sweeps: 5 },
+            enlargement: Enlargement::Peng { confidence: 0.1, factor: 1.5, max_iterations: 50 },
+            act_when_inside: false,
+            distance_model: DistanceModel::Radial,
+            horizon_s: 1.0,
+            heading_gate: HeadingGate::default(),
+            max_relinearisations: 10,
+        }
+    }
+}

@@ -1,0 +1,449 @@
+//! The traps of truncation, one by one, and the rows against finite differences.
+
+use std::f64::consts::PI;
+
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::rows::{BoundedRow, DistanceBounds, Motion, heading_rows, vertical_velocity_rows};
+use super::truncation::{Gaussian, Interval, truncate};
+use super::*;
+use crate::filter::STATES_PER_PHONE;
+use crate::frames::{Ecef, Enu, Geodetic, LocalFrame};
+
+const PENG: Enlargement = Enlargement::Peng { confidence: 0.1, factor: 1.5, max_iterations: 50 };
+
+fn origin() -> LocalFrame {
+    LocalFrame::at(Geodetic::from_degrees(31.8935, 118.818, 30.0).geodetic_to_ecef())
+}
+
+/// Phones at displacements from the origin with velocities, both east, north, up.
+fn state(phones: &[([f64; 3], [f64; 3])]) -> DVector<f64> {
+    let frame = origin();
+    let enu = |v: [f64; 3]| Enu { east: v[0], north: v[1], up: v[2] };
+    let mut state = DVector::zeros(STATES_PER_PHONE * phones.len());
+    for (index, (place, velocity)) in phones.iter().enumerate() {
+        let start = STATES_PER_PHONE * index;
+        state.fixed_rows_mut::<3>(start).copy_from(&frame.enu_to_ecef(enu(*place)).0);
+        state.fixed_rows_mut::<3>(start + 3).copy_from(&frame.vector_enu_to_ecef(enu(*velocity)).0);
+    }
+    state
+}
+
+/// Independent components: standard deviations of position, velocity and acceleration of each phone.
+fn covariance(sigmas: &[[f64; 3]]) -> DMatrix<f64> {
+    let diagonal = sigmas.iter().flat_map(|s| s.iter().flat_map(|sigma| [sigma * sigma; 3]));
+    DMatrix::from_diagonal(&DVector::from_iterator(STATES_PER_PHONE * sigmas.len(), diagonal))
+}
+
+fn distance(minimum_m: f64, maximum_m: f64) -> Constraint {
+    Constraint::Distance { phones: (0, 1), minimum_m, maximum_m }
+}
+
+fn fixed_sequential() -> ConstraintOptions {
+    ConstraintOptions { enlargement: Enlargement::Fixed, horizon_s: 0.0, ..ConstraintOptions::peng2023() }
+}
+
+fn all_options() -> [ConstraintOptions; 3] {
+    [ConstraintOptions::default(), ConstraintOptions::peng2023(), fixed_sequential()]
+}
+
+#[test]
+fn far_tail_40_sigma_truncates_to_the_bound() {
+    let law = Gaussian { mean: 40.0, variance: 1.0 };
+    let interval = Interval { lower: f64::NEG_INFINITY, upper: 0.0 };
+    let moments = truncate(law, interval, Enlargement::Fixed).unwrap().moments;
+    // By mpmath: 40 − 40.0249688472…, 6.2266837859e-4.
+    assert!((moments.mean + 0.024_968_847_2).abs() < 1e-9, "{moments:?}");
+    assert!((moments.variance - 6.226_683_785_9e-4).abs() < 1e-12, "{moments:?}");
+}
+
+#[test]
+fn absurdly_far_is_still_finite() {
+    for mean in [1e3, 1e6, 1e12] {
+        let interval = Interval { lower: -0.3, upper: 0.3 };
+        for policy in [Enlargement::Fixed, PENG] {
+            let moments = truncate(Gaussian { mean, variance: 1e-2 }, interval, policy).unwrap().moments;
+            assert!(moments.mean.is_finite() && moments.variance > 0.0, "{mean} {policy:?} {moments:?}");
+        }
+    }
+}
+
+#[test]
+fn enlarging_a_zero_bound_ends() {
+    for interval in [
+        Interval { lower: f64::NEG_INFINITY, upper: 0.0 },
+        Interval { lower: 0.0, upper: f64::INFINITY },
+        Interval { lower: 0.0, upper: 0.0 },
+    ] {
+        let law = Gaussian { mean: if interval.upper == 0.0 { 7.0 } else { -7.0 }, variance: 1.0 };
+        let truncation = truncate(law, interval, PENG).unwrap();
+        assert!((1..50).contains(&truncation.enlargements), "{interval:?} {truncation:?}");
+    }
+}
+
+#[test]
+fn enlargements_are_bounded() {
+    let policy = Enlargement::Peng { confidence: 0.1, factor: 1.5, max_iterations: 3 };
+    let interval = Interval { lower: -0.3, upper: 0.3 };
+    let truncation = truncate(Gaussian { mean: 1e6, variance: 1.0 }, interval, policy).unwrap();
+    assert_eq!(truncation.enlargements, 3);
+}
+
+#[test]
+fn a_confident_violation_nearly_switches_the_paper_off_but_not_fixed_bounds() {
+    let law = Gaussian { mean: 20.0, variance: 1.0 };
+    let interval = Interval { lower: -5.0, upper: 5.0 };
+    let fixed = truncate(law, interval, Enlargement::Fixed).unwrap();
+    let peng = truncate(law, interval, PENG).unwrap();
+    assert!(fixed.moments.mean < 5.0 && fixed.moments.mean > 4.9, "{fixed:?}");
+    assert!(peng.moments.mean > 18.0, "{peng:?}");
+    assert_eq!(fixed.enlargements, 0);
+}
+
+#[test]
+fn an_interval_without_width_becomes_an_equality() {
+    let law = Gaussian { mean: 3.0, variance: 4.0 };
+    let moments = truncate(law, Interval { lower: 1.0, upper: 1.0 }, Enlargement::Fixed).unwrap().moments;
+    assert!((moments.mean - 1.0).abs() < 1e-3 && moments.variance > 0.0 && moments.variance < 1e-8);
+}
+
+#[test]
+fn both_phones_move_in_proportion_to_their_variance() {
+    for options in all_options() {
+        let mut mean = state(&[([0.0; 3], [0.0; 3]), ([12.0, 0.0, 0.0], [0.0; 3])]);
+        let mut spread = covariance(&[[1.0, 1.0, 1.0], [3.0, 1.0, 1.0]]);
+        let prior = mean.clone();
+        let actions = constrain(&mut mean, &mut spread, &[distance(0.0, 5.0)], &options);
+        let shift =
+            |phone: usize| (mean.fixed_rows::<3>(9 * phone) - prior.fixed_rows::<3>(9 * phone)).norm();
+        assert!((shift(1) / shift(0) - 9.0).abs() < 1e-6, "{} {}", shift(0), shift(1));
+        assert_eq!(actions.len(), 1);
+        assert!((actions[0].before - 12.0).abs() < 1e-6 && actions[0].after < 12.0);
+        assert!((actions[0].shift_m - shift(1)).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn common_errors_do_not_count_in_a_distance() {
+    // Both phones share 10 m of error; their relative position is known to 0.1 m each.
+    let mut spread = covariance(&[[0.1, 1.0, 1.0], [0.1, 1.0, 1.0]]);
+    for axis in 0..3 {
+        for (row, column) in [(0, 0), (0, 9), (9, 0), (9, 9)] {
+            spread[(row + axis, column + axis)] += 100.0;
+        }
+    }
+    let prior_spread = spread.clone();
+    let mut mean = state(&[([0.0; 3], [0.0; 3]), ([2.1, 0.0, 0.0], [0.0; 3])]);
+    constrain(&mut mean, &mut spread, &[distance(0.0, 2.0)], &fixed_sequential());
+    let after = distance(0.0, 2.0).value(&mean, 0.0).unwrap();
+    // One standard deviation of the difference is 0.14 m: the correction stays of that order.
+    assert!(after > 1.7 && after <= 2.0, "{after}");
+    // The common part is as uncertain as before.
+    let sum = |p: &DMatrix<f64>| p[(0, 0)] + p[(9, 9)] + 2.0 * p[(0, 9)];
+    assert!((sum(&spread) / sum(&prior_spread) - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_constraint_is_not_applied_twice() {
+    // Two bounds that disturb each other keep coming again. The first must end where truncating the cavity puts it,
+    // not be squeezed further with every sweep.
+    let constraints = [
+        Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 },
+        Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 },
+    ];
+    let run = |max_sweeps| {
+        let mut mean = state(&[([0.0; 3], [0.0, 0.0, 0.5])]);
+        let mut spread = covariance(&[[5.0, 0.5, 0.1]]);
+        let method = Method::ExpectationPropagation { max_sweeps, damping: 0.0 };
+        let options = ConstraintOptions { method, ..ConstraintOptions::default() };
+        constrain(&mut mean, &mut spread, &constraints[..1], &options);
+        (mean, spread)
+    };
+    let (once, many) = (run(1), run(20));
+    assert!((&once.0 - &many.0).amax() < 1e-8 && (&once.1 - &many.1).amax() < 1e-8);
+
+    // And the single truncation is the textbook's.
+    let row = vertical_velocity_rows(&Motion::of(&once.0, 0, 0.0).unwrap(), 0.3)[0].unwrap().row;
+    let expected = truncate(
+        Gaussian { mean: 0.5, variance: 0.25 },
+        Interval { lower: -0.3, upper: 0.3 },
+        Enlargement::Fixed,
+    );
+    let expected = expected.unwrap().moments;
+    assert!((row.times(&once.0) - expected.mean).abs() < 1e-9);
+    assert!((row.variance(&once.1) - expected.variance).abs() < 1e-9);
+}
+
+#[test]
+fn sequential_sweeps_do_not_shrink_what_they_did_before() {
+    // Three phones in a line; both pairs are violated and pull at the middle one, so sweeps repeat.
+    let constraints =
+        [distance(0.0, 5.0), Constraint::Distance { phones: (1, 2), minimum_m: 0.0, maximum_m: 5.0 }];
+    let run = |max_sweeps| {
+        let mut mean =
+            state(&[([0.0; 3], [0.0; 3]), ([20.0, 0.0, 0.0], [0.0; 3]), ([40.0, 0.0, 0.0], [0.0; 3])]);
+        let mut spread = covariance(&[[4.0, 1.0, 1.0]; 3]);
+        let options = ConstraintOptions { method: Method::Sequential { max_sweeps }, ..fixed_sequential() };
+        let actions = constrain(&mut mean, &mut spread, &constraints, &options);
+        (actions, spread)
+    };
+    let (actions, spread) = run(20);
+    assert!(actions.iter().all(|action| action.outcome == ConstraintOutcome::Holds), "{actions:?}");
+    let (later_actions, later) = run(200);
+    assert_eq!(actions, later_actions);
+    assert_eq!(spread, later);
+}
+
+#[test]
+fn golden_courses_of_the_paper() {
+    // Peng 2023, table 1.
+    let a = Geodetic::from_degrees(31.893451, 118.8175719, 0.0);
+    let b = Geodetic::from_degrees(31.8936597, 118.8184759, 0.0);
+    let c = Geodetic::from_degrees(31.8933643, 118.817593, 0.0);
+    let d = Geodetic::from_degrees(31.8935834, 118.818498, 0.0);
+    for (from, to, golden_deg) in [(d, a, 260.48f64), (b, c, 248.59)] {
+        let frame = LocalFrame::at(from.geodetic_to_ecef());
+        let way = frame.ecef_to_enu(to.geodetic_to_ecef());
+        let mut mean = DVector::zeros(STATES_PER_PHONE);
+        mean.fixed_rows_mut::<3>(0).copy_from(&frame.origin().0);
+        mean.fixed_rows_mut::<3>(3).copy_from(&frame.vector_enu_to_ecef(way).0);
+        let heading =
+            Constraint::Heading { phone: 0, course_rad: golden_deg.to_radians(), tolerance_rad: 0.1 };
+        let off_deg = heading.value(&mean, 0.0).unwrap().to_degrees();
+        assert!(off_deg.abs() < 0.01, "{golden_deg}: {off_deg}");
+    }
+}
+
+#[test]
+fn headings_wrap() {
+    let heading = |course_deg: f64, tolerance_deg: f64| Constraint::Heading {
+        phone: 0,
+        course_rad: course_deg.to_radians(),
+        tolerance_rad: tolerance_deg.to_radians(),
+    };
+    // Moving at 179°, the course is −179°: 2° apart.
+    let course = 179f64.to_radians();
+    let mean = state(&[([0.0; 3], [10.0 * course.sin(), 10.0 * course.cos(), 0.0])]);
+    for given in [-179.0, 181.0, 541.0] {
+        let off = heading(given, 3.0).value(&mean, 0.0).unwrap();
+        assert!((off.to_degrees() + 2.0).abs() < 1e-4, "{given} {off}");
+        assert!(heading(given, 3.0).holds(off) && !heading(given, 1.0).holds(off));
+    }
+    assert!((wrap_rad(3.0 * PI) - PI).abs() < 1e-15 && (wrap_rad(-PI) - PI).abs() < 1e-15);
+    for options in all_options() {
+        let (mut constrained, mut spread) = (mean.clone(), covariance(&[[1.0, 1.0, 0.1]]));
+        let options = ConstraintOptions { act_when_inside: false, ..options };
+        assert!(constrain(&mut constrained, &mut spread, &[heading(-179.0, 3.0)], &options).is_empty());
+        assert_eq!(constrained, mean);
+    }
+}
+
+#[test]
+fn a_violated_heading_is_turned_towards_its_course() {
+    for options in all_options() {
+        // 20° right of the course, tolerance 5°, with 1.5 m/s uncertainty at 10 m/s.
+        let angle = 110f64.to_radians();
+        let mut mean = state(&[([0.0; 3], [10.0 * angle.sin(), 10.0 * angle.cos(), 0.0])]);
+        let mut spread = covariance(&[[5.0, 1.5, 0.1]]);
+        let heading = Constraint::Heading {
+            phone: 0,
+            course_rad: 90f64.to_radians(),
+            tolerance_rad: 5f64.to_radians(),
+        };
+        let actions = constrain(&mut mean, &mut spread, &[heading], &options);
+        assert!((actions[0].before.to_degrees() - 20.0).abs() < 1e-3, "{actions:?}");
+        let limit_deg = if options.enlargement == Enlargement::Fixed { 5.0 } else { 19.9 };
+        assert!(actions[0].after.to_degrees().abs() <= limit_deg, "{actions:?}");
+        assert_eq!(actions[0].enlargements > 0, options.enlargement != Enlargement::Fixed, "{actions:?}");
+    }
+}
+
+#[test]
+fn a_phone_at_rest_has_no_heading() {
+    let heading = Constraint::Heading { phone: 0, course_rad: 0.0, tolerance_rad: 0.1 };
+    for options in all_options() {
+        // Standing still; slow; fast but not known to be.
+        for (speed, sigma) in [(0.0, 0.1), (0.5, 0.01), (5.0, 4.0)] {
+            let mut mean = state(&[([0.0; 3], [speed, 0.0, 0.0])]);
+            let mut spread = covariance(&[[5.0, sigma, 0.1]]);
+            let before = (mean.clone(), spread.clone());
+            assert!(constrain(&mut mean, &mut spread, &[heading], &options).is_empty());
+            assert_eq!((mean, spread), before);
+        }
+    }
+}
+
+#[test]
+fn phones_in_one_place_move_apart_where_least_is_known() {
+    let mut spread = covariance(&[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]);
+    spread[(1, 1)] = 100.0;
+    for options in [ConstraintOptions::default(), fixed_sequential()] {
+        let (mut mean, mut spread) = (state(&[([0.0; 3], [0.0; 3]), ([0.0; 3], [0.0; 3])]), spread.clone());
+        let prior = mean.clone();
+        let actions = constrain(&mut mean, &mut spread, &[distance(3.0, 30.0)], &options);
+        assert_eq!(actions[0].outcome, ConstraintOutcome::Holds, "{actions:?}");
+        assert!((mean[1] - prior[1]).abs() > 2.9 && (mean[0] - prior[0]).abs() < 1e-6, "{}", &mean - &prior);
+    }
+}
+
+#[test]
+fn phones_in_one_place_satisfy_an_upper_bound() {
+    let mut mean = state(&[([0.0; 3], [0.0; 3]), ([0.0; 3], [0.0; 3])]);
+    let prior = mean.clone();
+    let mut spread = covariance(&[[3.0, 1.0, 1.0]; 2]);
+    let before = spread.clone();
+    for options in [ConstraintOptions::peng2023(), fixed_sequential()] {
+        assert!(constrain(&mut mean, &mut spread, &[distance(0.0, 2.0)], &options).is_empty());
+        assert_eq!((&mean, &spread), (&prior, &before));
+    }
+    // Full truncation learns that they are close, in all directions, and moves nothing.
+    constrain(&mut mean, &mut spread, &[distance(0.0, 2.0)], &ConstraintOptions::default());
+    assert!((&mean - &prior).amax() < 1e-6);
+    for axis in 0..3 {
+        let relative = spread[(axis, axis)] + spread[(9 + axis, 9 + axis)] - 2.0 * spread[(axis, 9 + axis)];
+        assert!(relative < 4.0 / 3.0 * 1.1, "axis {axis}: {relative}");
+    }
+}
+
+#[test]
+fn what_cannot_be_applied_is_named_and_changes_nothing() {
+    let nan = f64::NAN;
+    let heading = |tolerance_rad| Constraint::Heading { phone: 0, course_rad: 0.0, tolerance_rad };
+    let cases = [
+        (Constraint::VerticalVelocity { phone: 2, maximum_mps: 0.3 }, SkipReason::UnknownPhone),
+        (Constraint::VerticalVelocity { phone: usize::MAX, maximum_mps: 0.3 }, SkipReason::UnknownPhone),
+        (Constraint::Distance { phones: (1, 1), minimum_m: 0.0, maximum_m: 1.0 }, SkipReason::UnknownPhone),
+        (distance(2.0, 1.0), SkipReason::InvalidBounds),
+        (distance(-1.0, 1.0), SkipReason::InvalidBounds),
+        (distance(0.0, nan), SkipReason::InvalidBounds),
+        (Constraint::VerticalVelocity { phone: 0, maximum_mps: nan }, SkipReason::InvalidBounds),
+        (heading(PI / 2.0), SkipReason::InvalidBounds),
+        (heading(nan), SkipReason::InvalidBounds),
+    ];
+    for options in all_options() {
+        for (constraint, reason) in cases {
+            let mut mean = state(&[([0.0; 3], [9.0, 0.0, 9.0]), ([9.0, 0.0, 0.0], [0.0; 3])]);
+            let mut spread = covariance(&[[1.0, 0.1, 1.0]; 2]);
+            let before = (mean.clone(), spread.clone());
+            let actions = constrain(&mut mean, &mut spread, &[constraint], &options);
+            assert_eq!(actions[0].outcome, ConstraintOutcome::Skipped(reason), "{constraint:?}");
+            assert_eq!((mean, spread), before);
+        }
+    }
+}
+
+#[test]
+fn states_without_variance_or_not_finite_are_left_alone() {
+    let vertical = Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 };
+    for options in all_options() {
+        for (sigma, up, reason) in [
+            (0.0, 2.0, SkipReason::NoVariance),
+            (f64::NAN, 2.0, SkipReason::NotFinite),
+            (f64::INFINITY, 2.0, SkipReason::NotFinite),
+            (1.0, f64::NAN, SkipReason::NotFinite),
+        ] {
+            let mut mean = state(&[([0.0; 3], [0.0, 0.0, up])]);
+            let mut spread = covariance(&[[1.0, sigma, sigma]]);
+            let before = (format!("{mean}"), format!("{spread}"));
+            let actions = constrain(&mut mean, &mut spread, &[vertical], &options);
+            assert_eq!(actions[0].outcome, ConstraintOutcome::Skipped(reason), "{sigma} {up}");
+            assert_eq!((format!("{mean}"), format!("{spread}")), before);
+        }
+    }
+}
+
+#[test]
+fn the_horizon_looks_ahead_with_the_acceleration() {
+    let constraint = Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 };
+    let mut mean = state(&[([0.0; 3], [0.0; 3])]);
+    let up = origin().up();
+    mean.fixed_rows_mut::<3>(6).copy_from(&(2.0 * up));
+    assert!(constraint.value(&mean, 0.0).unwrap().abs() < 1e-9);
+    assert!((constraint.value(&mean, 1.0).unwrap() - 1.0).abs() < 1e-9);
+}
+
+/// Central differences of a constrained quantity at a state.
+fn differences(constraint: &Constraint, at: &DVector<f64>, horizon_s: f64, step: f64) -> DVector<f64> {
+    DVector::from_fn(at.len(), |element, _| {
+        let value = |sign: f64| {
+            let mut moved = at.clone();
+            moved[element] += sign * step;
+            constraint.value(&moved, horizon_s).unwrap()
+        };
+        (value(1.0) - value(-1.0)) / (2.0 * step)
+    })
+}
+
+fn dense(bounded: &BoundedRow, elements: usize) -> DVector<f64> {
+    let mut row = DVector::zeros(elements);
+    for (offset, value) in bounded.row.iter() {
+        row[offset] += value;
+    }
+    row
+}
+
+#[test]
+fn distance_rows_are_the_jacobian() {
+    let at = state(&[([1.0, -2.0, 0.5], [1.0, 2.0, 3.0]), ([30.0, 44.0, -7.0], [0.0; 3])]);
+    let bounds = DistanceBounds { phones: (0, 1), minimum_m: 1.0, maximum_m: 5.0 };
+    let direction = bounds.difference(&at).unwrap().normalize();
+    for model in [DistanceModel::Radial, DistanceModel::Box] {
+        let row = bounds.rows(&direction, model)[0].unwrap();
+        let numeric = differences(&distance(1.0, 5.0), &at, 0.0, 1e-2);
+        assert!((dense(&row, 18) - numeric).amax() < 1e-6);
+        assert!((row.row.times(&at) - distance(1.0, 5.0).value(&at, 0.0).unwrap()).abs() < 1e-8);
+    }
+    // The axes across are at right angles to it and to each other, near the pole's direction too.
+    for direction in [direction, Vector3::z(), Vector3::new(1e-9, 0.0, -1.0).normalize()] {
+        let rows = bounds.rows(&direction, DistanceModel::Box).map(|row| dense(&row.unwrap(), 18));
+        for i in 0..3 {
+            for j in 0..3 {
+                let product = rows[i].rows(0, 3).dot(&rows[j].rows(0, 3));
+                assert!((product - if i == j { 1.0 } else { 0.0 }).abs() < 1e-6);
+            }
+        }
+    }
+}
+
+#[test]
+fn vertical_velocity_rows_are_the_jacobian() {
+    for horizon_s in [0.0, 1.0] {
+        let mut at = state(&[([0.0; 3], [3.0, -4.0, 0.7]), ([0.0; 3], [5.0, 9.0, -0.2])]);
+        at.fixed_rows_mut::<3>(15).copy_from(&Vector3::new(0.3, -0.2, 0.9));
+        let constraint = Constraint::VerticalVelocity { phone: 1, maximum_mps: 0.3 };
+        let row = vertical_velocity_rows(&Motion::of(&at, 1, horizon_s).unwrap(), 0.3)[0].unwrap();
+        let numeric = differences(&constraint, &at, horizon_s, 1e-2);
+        // Horizontal speed over the Earth's radius is left out of the rows: 10 m/s / 6.4e6 m.
+        assert!((dense(&row, 18) - numeric).amax() < 2e-6);
+    }
+}
+
+#[test]
+fn heading_rows_have_the_derivative_of_the_course_at_their_edge() {
+    // On the edge of the tolerance the half-plane's row is speed times the gradient of the angle off course.
+    let (course, tolerance, speed) = (4.0f64, 0.2f64, 12.0);
+    for (side, index) in [(1.0, 1), (-1.0, 2)] {
+        let angle = course + side * tolerance;
+        let at = state(&[([0.0; 3], [speed * angle.sin(), speed * angle.cos(), 0.3])]);
+        let constraint = Constraint::Heading { phone: 0, course_rad: course, tolerance_rad: tolerance };
+        let rows = heading_rows(&Motion::of(&at, 0, 0.0).unwrap(), course, tolerance);
+        let row = rows[index].unwrap();
+        assert!(row.row.times(&at).abs() < 1e-5, "{}", row.row.times(&at));
+        let numeric = differences(&constraint, &at, 0.0, 1e-3) * (side * speed);
+        assert!((dense(&row, 9) - numeric).rows(3, 3).amax() < 1e-6);
+        // Ahead of the phone is inside the first half-plane.
+        assert!(rows[0].unwrap().row.times(&at) < 0.0);
+    }
+}
+
+#[test]
+fn values_are_none_without_a_state_for_them() {
+    let empty = DVector::zeros(0);
+    assert_eq!(distance(0.0, 1.0).value(&empty, 0.0), None);
+    let heading = Constraint::Heading { phone: 0, course_rad: 0.0, tolerance_rad: 0.1 };
+    assert_eq!(heading.value(&state(&[([0.0; 3], [0.0; 3])]), 0.0), None);
+    let mut lost = state(&[([0.0; 3], [1.0; 3])]);
+    lost.fixed_rows_mut::<3>(0).copy_from(&Ecef::new(f64::NAN, 0.0, 0.0).0);
+    assert_eq!(heading.value(&lost, 0.0), None);
+    assert!(heading.excess(f64::NAN).is_nan() && !heading.holds(f64::NAN));
+}

@@ -1,0 +1,227 @@
+//! The joint state: phones come, move, are measured, and go.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+use super::process::Step;
+use super::{FilterOptions, PhoneState, STATES_PER_PHONE};
+use crate::frames::{Ecef, EcefVector, LocalFrame};
+use crate::solve::PointSolution;
+use crate::time::GpsTime;
+
+/// Predictions are made in steps of at most this, s.
+const LONGEST_STEP_S: f64 = 1.0;
+/// A phone's vertical is computed anew after it moved this far, m (0.001° of tilt).
+const VERTICAL_VALID_M: f64 = 100.0;
+/// Standard deviations of a new phone's velocity without Doppler (m/s) and of its acceleration (m/s²).
+const NEW_VELOCITY_SIGMA_MPS: f64 = 15.0;
+const NEW_ACCELERATION_SIGMA_MPS2: f64 = 1.5;
+/// The same with a velocity from Doppler, m/s.
+const DOPPLER_VELOCITY_SIGMA_MPS: f64 = 1.0;
+
+/// Factor on the variance of the epoch-wise position that a phone starts from.
+const START_INFLATION: f64 = 4.0;
+
+/// A Gaussian over the states of all phones that are present.
+///
+/// Phones are known by the number that the caller gave them; [`JointFilter::slot`] tells where a phone's nine states
+/// stand: slot s has them at 9s.
+#[derive(Clone, Debug)]
+pub struct JointFilter {
+    pub(super) options: FilterOptions,
+    time_gps: GpsTime,
+    pub(super) mean: DVector<f64>,
+    pub(super) covariance: DMatrix<f64>,
+    slots: Vec<Slot>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    phone: usize,
+    up: Vector3<f64>,
+    up_at: Ecef,
+    measured: GpsTime,
+}
+
+/// What a new phone starts from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Position, m.
+    pub position: Ecef,
+    /// Covariance of the position, m².
+    pub position_covariance: Matrix3<f64>,
+    /// Velocity, m/s, if it was measured.
+    pub velocity: Option<EcefVector>,
+}
+
+impl Start {
+    /// From an epoch-wise solution, its covariance widened: one epoch may hold an outlier.
+    pub fn at_solution(solution: &PointSolution) -> Self {
+        Self {
+            position: solution.position,
+            position_covariance: solution.position_covariance * START_INFLATION,
+            velocity: solution.velocity,
+        }
+    }
+}
+
+impl JointFilter {
+    /// A filter without phones.
+    pub fn new(options: FilterOptions) -> Self {
+        Self {
+            options,
+            time_gps: GpsTime::default(),
+            mean: DVector::zeros(0),
+            covariance: DMatrix::zeros(0, 0),
+            slots: Vec::new(),
+        }
+    }
+
+    /// The time that the state is for.
+    pub const fn time_gps(&self) -> GpsTime {
+        self.time_gps
+    }
+
+    /// Number of phones present.
+    pub const fn len(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Whether no phone is present.
+    pub const fn is_empty(&self) -> bool {
+        self.slots.is_empty()
+    }
+
+    /// Where a phone's states stand, if it is present.
+    pub fn slot(&self, phone: usize) -> Option<usize> {
+        self.slots.iter().position(|slot| slot.phone == phone)
+    }
+
+    /// Seconds from a phone's last measurement to the filter's time.
+    pub fn silence_s(&self, slot: usize) -> f64 {
+        self.slots.get(slot).map_or(f64::INFINITY, |s| self.time_gps - s.measured)
+    }
+
+    /// Adds a phone, independent of the others, at the filter's time (at `time_gps` when it is the first).
+    pub fn insert(&mut self, phone: usize, time_gps: GpsTime, start: &Start) {
+        if self.is_empty() {
+            self.time_gps = time_gps;
+        }
+        if let Some(slot) = self.slot(phone) {
+            self.remove(slot);
+        }
+        let n = self.mean.len();
+        let states = STATES_PER_PHONE;
+        self.mean.resize_vertically_mut(n + states, 0.0);
+        self.covariance.resize_mut(n + states, n + states, 0.0);
+        self.mean.fixed_rows_mut::<3>(n).copy_from(&start.position.0);
+        self.covariance.fixed_view_mut::<3, 3>(n, n).copy_from(&start.position_covariance);
+        let velocity_sigma = match start.velocity {
+            Some(velocity) => {
+                self.mean.fixed_rows_mut::<3>(n + 3).copy_from(&velocity.0);
+                DOPPLER_VELOCITY_SIGMA_MPS
+            }
+            None => NEW_VELOCITY_SIGMA_MPS,
+        };
+        for axis in 0..3 {
+            self.covariance[(n + 3 + axis, n + 3 + axis)] = velocity_sigma.powi(2);
+            self.covariance[(n + 6 + axis, n + 6 + axis)] = NEW_ACCELERATION_SIGMA_MPS2.powi(2);
+        }
+        let up = LocalFrame::at(start.position).up();
+        self.slots.push(Slot { phone, up, up_at: start.position, measured: time_gps });
+    }
+
+    /// Takes a phone out; the others keep their joint law (marginalisation).
+    pub fn remove(&mut self, slot: usize) {
+        if slot >= self.slots.len() {
+            return;
+        }
+        self.slots.remove(slot);
+        let (at, states) = (slot * STATES_PER_PHONE, STATES_PER_PHONE);
+        let mean = std::mem::replace(&mut self.mean, DVector::zeros(0));
+        self.mean = mean.remove_rows(at, states);
+        let covariance = std::mem::replace(&mut self.covariance, DMatrix::zeros(0, 0));
+        self.covariance = covariance.remove_rows(at, states).remove_columns(at, states);
+    }
+
+    /// Predicts all phones to `time_gps`; a time at or before the filter's leaves it alone.
+    pub fn predict(&mut self, time_gps: GpsTime) {
+        let total_s = time_gps - self.time_gps;
+        if total_s <= 0.0 || self.is_empty() {
+            return;
+        }
+        let steps = (total_s / LONGEST_STEP_S).ceil().max(1.0);
+        let step = Step::new(total_s / steps, &self.options.process);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // silent phones are removed long before
+        for _ in 0..steps as u64 {
+            self.advance(&step);
+        }
+        self.time_gps = time_gps;
+    }
+
+    fn advance(&mut self, step: &Step) {
+        step.advance_mean(&mut self.mean);
+        step.advance_covariance(&mut self.covariance);
+        for slot in 0..self.slots.len() {
+            let up = self.vertical(slot);
+            step.add_noise(&mut self.covariance, slot * STATES_PER_PHONE, &up, &self.options.process);
+        }
+    }
+
+    fn vertical(&mut self, slot: usize) -> Vector3<f64> {
+        let position = self.position(slot);
+        let known = &mut self.slots[slot];
+        if known.up_at.distance_m(position) > VERTICAL_VALID_M {
+            known.up = LocalFrame::at(position).up();
+            known.up_at = position;
+        }
+        known.up
+    }
+
+    pub(super) fn position(&self, slot: usize) -> Ecef {
+        let at = slot * STATES_PER_PHONE;
+        Ecef::new(self.mean[at], self.mean[at + 1], self.mean[at + 2])
+    }
+
+    pub(super) fn mark_measured(&mut self, slot: usize) {
+        self.slots[slot].measured = self.time_gps;
+    }
+
+    /// A phone's part of the state.
+    pub fn state(&self, slot: usize) -> Option<PhoneState> {
+        if slot >= self.slots.len() {
+            return None;
+        }
+        let at = slot * STATES_PER_PHONE;
+        Some(PhoneState {
+            mean: self.mean.fixed_rows::<STATES_PER_PHONE>(at).into_owned(),
+            covariance: self
+                .covariance
+                .fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at)
+                .into_owned(),
+        })
+    }
+
+    /// Standard deviation of the distance between two phones along the line between them, m.
+    pub fn distance_sigma_m(&self, a: usize, b: usize) -> Option<f64> {
+        if a >= self.len() || b >= self.len() {
+            return None;
+        }
+        let line = self.position(a) - self.position(b);
+        let u = line.0.try_normalize(1e-9)?;
+        let (ra, rb) = (a * STATES_PER_PHONE, b * STATES_PER_PHONE);
+        let block = |i: usize, j: usize| self.covariance.fixed_view::<3, 3>(i, j);
+        let relative = block(ra, ra) + block(rb, rb) - block(ra, rb) - block(rb, ra);
+        Some(u.dot(&(relative * u)).max(0.0).sqrt())
+    }
+
+    /// Mean and covariance, for constraints to act on.
+    pub const fn law_mut(&mut self) -> (&mut DVector<f64>, &mut DMatrix<f64>) {
+        (&mut self.mean, &mut self.covariance)
+    }
+
+    /// Whether the mean is finite and every variance positive and finite.
+    pub fn is_sound(&self) -> bool {
+        self.mean.iter().all(|x| x.is_finite())
+            && self.covariance.diagonal().iter().all(|v| v.is_finite() && *v > 0.0)
+    }
+}

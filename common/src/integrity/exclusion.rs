@@ -1,0 +1,204 @@
+//! Fault detection and exclusion, one measurement at a time (Cappello 2023; Baarda's local test).
+
+use super::{Cause, GlobalTest, RaimReport, Verdict};
+use crate::frames::Ecef;
+use crate::measurement::{CorrectedObservation, Usage};
+use crate::solve::{Dops, Fit, SolveError, solve_position};
+use crate::statistics::ChiSquareThresholds;
+use crate::statistics::normal::two_sided_quantile;
+
+/// Limits of the tests.
+#[derive(Clone, Debug)]
+pub struct RaimOptions {
+    /// Quantiles of the global test, for its probability of false alarm.
+    pub global: ChiSquareThresholds,
+    /// Probability of false alarm of the local test.
+    pub local_false_alarm: f64,
+    /// Two residuals correlated at least this much cannot be told apart.
+    pub separability: f64,
+    /// At most this many measurements are excluded.
+    pub maximum_exclusions: usize,
+    /// Limits of PDOP, HDOP and VDOP.
+    pub dop_limits: DopLimits,
+}
+
+/// Limits of the geometry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DopLimits {
+    /// PDOP at most.
+    pub pdop: f64,
+    /// HDOP at most.
+    pub hdop: f64,
+    /// VDOP at most.
+    pub vdop: f64,
+}
+
+impl Default for RaimOptions {
+    fn default() -> Self {
+        Self {
+            global: ChiSquareThresholds::new(1e-3),
+            local_false_alarm: 1e-3,
+            separability: 0.9,
+            maximum_exclusions: 8,
+            dop_limits: DopLimits { pdop: 30.0, hdop: 25.0, vdop: 20.0 },
+        }
+    }
+}
+
+/// A solution with its RAIM report; without a solution the verdict says that nothing could be checked.
+#[derive(Debug)]
+pub struct Monitored {
+    /// The solution after exclusion.
+    pub fit: Result<Fit, SolveError>,
+    /// The verdict on it.
+    pub report: RaimReport,
+}
+
+/// Solves, tests, and while the global test fails excludes the measurement with the largest normalised residual
+/// that fails the local test and can be told apart from the others. Excluded observations are marked in place.
+pub fn solve_with_raim(
+    observations: &mut [CorrectedObservation],
+    start: Ecef,
+    options: &RaimOptions,
+) -> Monitored {
+    let mut fit = solve_position(observations, start);
+    let mut excluded = 0_u16;
+    let verdict = loop {
+        let solved = match &fit {
+            Ok(solved) => solved,
+            Err(_) => break Verdict::CannotBeChecked,
+        };
+        let Some(test) = global_test(solved, options) else { break Verdict::CannotBeChecked };
+        if test.statistic <= test.threshold {
+            break geometry_verdict(solved.dops(), options.dop_limits);
+        }
+        if test.degrees_of_freedom < 2 {
+            break Verdict::Unreliable(Cause::InsufficientRedundancy);
+        }
+        let candidate = (usize::from(excluded) < options.maximum_exclusions)
+            .then(|| excludable(solved, options))
+            .flatten();
+        let Some(index) = candidate else { break Verdict::Unreliable(Cause::TestsFailed) };
+        let position = solved.position();
+        observations[index].usage = Usage::Excluded;
+        match solve_position(observations, position) {
+            Ok(next) => {
+                excluded += 1;
+                fit = Ok(next);
+            }
+            Err(_) => {
+                observations[index].usage = Usage::Used;
+                break Verdict::Unreliable(Cause::TestsFailed);
+            }
+        }
+    };
+    let global_test = fit.as_ref().ok().and_then(|fit| global_test(fit, options));
+    Monitored { fit, report: RaimReport { verdict, global_test, excluded } }
+}
+
+fn geometry_verdict(dops: Option<Dops>, limits: DopLimits) -> Verdict {
+    match dops {
+        Some(d) if d.pdop <= limits.pdop && d.hdop <= limits.hdop && d.vdop <= limits.vdop => {
+            Verdict::Reliable
+        }
+        _ => Verdict::Unreliable(Cause::Geometry),
+    }
+}
+
+/// D against χ²(1 − P_fa, m − n); `None` without redundancy.
+fn global_test(fit: &Fit, options: &RaimOptions) -> Option<GlobalTest> {
+    let degrees_of_freedom = fit.degrees_of_freedom();
+    (degrees_of_freedom > 0).then(|| GlobalTest {
+        statistic: fit.weighted_square_sum(),
+        threshold: options.global.threshold(degrees_of_freedom),
+        degrees_of_freedom: u16::try_from(degrees_of_freedom).unwrap_or(u16::MAX),
+    })
+}
+
+/// The observation to exclude: the largest |w_i| = |r_i|/√(C_v)_ii that fails the local test, unless another failing
+/// one is so correlated with it that the two cannot be told apart.
+fn excludable(fit: &Fit, options: &RaimOptions) -> Option<usize> {
+    let quantile = two_sided_quantile(1.0 - options.local_false_alarm);
+    let mut failing: Vec<(usize, f64)> = (0..fit.len())
+        .filter_map(|i| {
+            let variance = fit.residual_covariance(i, i);
+            // A measurement alone on its clock has a residual of zero with zero variance: nothing to test.
+            let checkable = variance * fit.weight(i) > 1e-9;
+            let w = fit.residual_m(i).abs() / variance.sqrt();
+            (checkable && w > quantile).then_some((i, w))
+        })
+        .collect();
+    failing.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let (worst, others) = failing.split_first()?;
+    let inseparable = others.iter().any(|other| correlation(fit, worst.0, other.0) >= options.separability);
+    (!inseparable).then(|| fit.observation(worst.0))
+}
+
+/// |(WC_vW)_ij| / √((WC_vW)_ii (WC_vW)_jj); the diagonal W cancels.
+fn correlation(fit: &Fit, i: usize, j: usize) -> f64 {
+    let scale = fit.residual_covariance(i, i) * fit.residual_covariance(j, j);
+    fit.residual_covariance(i, j).abs() / scale.sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
+
+    fn monitor(observations: &mut [CorrectedObservation]) -> Monitored {
+        solve_with_raim(observations, Receiver::in_wuhan().position, &RaimOptions::default())
+    }
+
+    #[test]
+    fn a_clean_sky_is_reliable() {
+        let mut observations = Receiver::in_wuhan().observe(&OPEN_SKY_DEG);
+        let monitored = monitor(&mut observations);
+        assert_eq!(monitored.report.verdict, Verdict::Reliable);
+        assert_eq!(monitored.report.global_test.unwrap().degrees_of_freedom, 6);
+        assert!(observations.iter().all(|o| o.usage == Usage::Used));
+    }
+
+    #[test]
+    fn one_fault_is_found_and_excluded() {
+        let receiver = Receiver::in_wuhan();
+        for faulty in 0..OPEN_SKY_DEG.len() {
+            let mut observations = receiver.observe(&OPEN_SKY_DEG);
+            observations[faulty].pseudorange_m += 60.0;
+            let monitored = monitor(&mut observations);
+            assert_eq!(monitored.report.verdict, Verdict::Reliable, "satellite {faulty}");
+            assert_eq!(monitored.report.excluded, 1, "satellite {faulty}");
+            assert_eq!(observations[faulty].usage, Usage::Excluded);
+            assert!(monitored.fit.unwrap().position().distance_m(receiver.position) < 1e-3);
+        }
+    }
+
+    #[test]
+    fn without_redundancy_nothing_is_checked_or_excluded() {
+        let receiver = Receiver::in_wuhan();
+        let mut six = receiver.observe(&OPEN_SKY_DEG[..6]);
+        six[0].pseudorange_m += 60.0;
+        assert_eq!(monitor(&mut six).report.verdict, Verdict::CannotBeChecked);
+        let mut seven = receiver.observe(&OPEN_SKY_DEG[..7]);
+        seven[0].pseudorange_m += 200.0;
+        let report = monitor(&mut seven).report;
+        assert_eq!(report.verdict, Verdict::Unreliable(Cause::InsufficientRedundancy));
+        assert_eq!(report.excluded, 0);
+    }
+
+    #[test]
+    fn bad_geometry_is_named() {
+        let mut low: Vec<(f64, f64)> = (0..8).map(|i| (f64::from(i) * 1.0, 30.0 + f64::from(i % 3))).collect();
+        low.push((40.0, 33.0));
+        let mut observations = Receiver::in_wuhan().observe(&low);
+        let report = monitor(&mut observations).report;
+        assert_eq!(report.verdict, Verdict::Unreliable(Cause::Geometry));
+    }
+
+    #[test]
+    fn five_satellites_give_no_solution() {
+        let mut observations = Receiver::in_wuhan().observe(&OPEN_SKY_DEG[..5]);
+        let monitored = monitor(&mut observations);
+        assert!(monitored.fit.is_err());
+        assert_eq!(monitored.report.verdict, Verdict::CannotBeChecked);
+    }
+}

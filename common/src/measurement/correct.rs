@@ -1,0 +1,305 @@
+//! Raw pseudoranges and Dopplers to corrected ones:
+//! P_c = P + c·dT_s − I − T + group delay correction, and the rate −λD + c·dṪ_s.
+
+use std::sync::Arc;
+
+use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
+use crate::atmosphere::{klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1};
+use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
+use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
+use crate::gnss::{Observation, ObservationEpoch};
+use crate::orbit::{Products, SatelliteState};
+use crate::skips::Skips;
+use crate::time::GpsTime;
+
+/// Masks and models of the corrections.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CorrectionOptions {
+    /// Satellites below this elevation are not used, rad.
+    pub elevation_mask_rad: f64,
+    /// Signals weaker than this are not used, dB-Hz.
+    pub minimum_cn0_dbhz: f64,
+    /// Variances of code and Doppler.
+    pub stochastic: StochasticModel,
+    /// Standard deviation that stands for a group delay which no product knows, m.
+    pub unknown_group_delay_sigma_m: f64,
+    /// Relative humidity of the standard atmosphere, 0-1.
+    pub relative_humidity: f64,
+}
+
+impl Default for CorrectionOptions {
+    fn default() -> Self {
+        Self {
+            elevation_mask_rad: 10_f64.to_radians(),
+            minimum_cn0_dbhz: 15.0,
+            stochastic: StochasticModel::default(),
+            unknown_group_delay_sigma_m: 1.0,
+            relative_humidity: 0.5,
+        }
+    }
+}
+
+/// Corrects the epochs of one phone and counts what it cannot use.
+#[derive(Clone, Debug)]
+pub struct Corrector {
+    products: Arc<Products>,
+    options: CorrectionOptions,
+    skips: Skips,
+}
+
+/// An observation with its satellite's state: everything that does not depend on where the phone is.
+#[derive(Clone, Debug)]
+pub struct PreparedObservation {
+    observation: Observation,
+    frequency_hz: f64,
+    /// P + c·dT_s + group delay correction, m.
+    pseudorange_m: f64,
+    range_rate_mps: Option<f64>,
+    /// Satellite at transmission, in the Earth-fixed frame of the transmission.
+    position: Ecef,
+    velocity: EcefVector,
+    extra_variance_m2: f64,
+}
+
+impl Corrector {
+    /// A corrector on the given products.
+    pub fn new(products: Arc<Products>, options: CorrectionOptions) -> Self {
+        Self { products, options, skips: Skips::default() }
+    }
+
+    /// What was skipped so far, by reason.
+    pub const fn skips(&self) -> &Skips {
+        &self.skips
+    }
+
+    /// Satellite states and position-free corrections of one epoch; what cannot be used is counted.
+    pub fn prepare(&mut self, epoch: &ObservationEpoch) -> Vec<PreparedObservation> {
+        let mut prepared = Vec::with_capacity(epoch.observations.len());
+        let mut last: Option<PreparedState> = None;
+        for observation in &epoch.observations {
+            let Some(pseudorange_m) = observation.pseudorange_m else { continue };
+            if observation.cn0_dbhz.is_some_and(|cn0| cn0 < self.options.minimum_cn0_dbhz) {
+                self.skips.add("C/N0 below the mask", || {
+                    format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
+                });
+                continue;
+            }
+            let Some(frequency_hz) =
+                observation.signal.frequency_hz(observation.satellite.constellation, None)
+            else {
+                self.skips.add("no carrier frequency", || {
+                    format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
+                });
+                continue;
+            };
+            let state = match last {
+                Some(known) if known.serves(observation, pseudorange_m) => known,
+                _ => match self.state(observation, epoch.time_gps, pseudorange_m) {
+                    Some(state) => state,
+                    None => continue,
+                },
+            };
+            last = Some(state);
+            prepared.push(self.combine(observation, frequency_hz, pseudorange_m, &state));
+        }
+        prepared
+    }
+
+    /// The satellite's state at transmission: t_tx = t_rx − P/c − dT_s.
+    fn state(
+        &mut self,
+        observation: &Observation,
+        time_gps: GpsTime,
+        pseudorange_m: f64,
+    ) -> Option<PreparedState> {
+        let by_satellite_clock = time_gps - pseudorange_m / SPEED_OF_LIGHT_MPS;
+        match self.products.satellite_state(observation.satellite, by_satellite_clock) {
+            Ok(state) => {
+                // dT_s is below a few milliseconds: one step along the velocity is exact to a micrometre.
+                let position = state.position + EcefVector(state.velocity.0 * -state.clock_s);
+                Some(PreparedState { satellite_state: SatelliteState { position, ..state }, observation: *observation, time_gps })
+            }
+            Err(error) => {
+                self.skips.add("no satellite state", || error.to_string());
+                None
+            }
+        }
+    }
+
+    fn combine(
+        &mut self,
+        observation: &Observation,
+        frequency_hz: f64,
+        pseudorange_m: f64,
+        prepared: &PreparedState,
+    ) -> PreparedObservation {
+        let state = &prepared.satellite_state;
+        let group_delay_m = self.products.group_delay_correction_m(
+            observation.satellite,
+            observation.signal,
+            state.clock_reference,
+            prepared.time_gps,
+        );
+        let unknown = self.options.unknown_group_delay_sigma_m;
+        if group_delay_m.is_none() {
+            self.skips.add("group delay unknown, used with a larger sigma", || {
+                format!("{} {}", observation.satellite, observation.signal)
+            });
+        }
+        let wavelength_m = SPEED_OF_LIGHT_MPS / frequency_hz;
+        PreparedObservation {
+            observation: *observation,
+            frequency_hz,
+            pseudorange_m: pseudorange_m
+                + SPEED_OF_LIGHT_MPS * state.clock_s
+                + group_delay_m.unwrap_or(0.0),
+            range_rate_mps: observation
+                .doppler_hz
+                .map(|doppler| -wavelength_m * doppler + SPEED_OF_LIGHT_MPS * state.clock_drift_sps),
+            position: state.position,
+            velocity: state.velocity,
+            extra_variance_m2: state.sigma_m.powi(2)
+                + if group_delay_m.is_none() { unknown * unknown } else { 0.0 },
+        }
+    }
+
+    /// Corrected observations as seen from `position`: Sagnac rotation, direction, masks, atmosphere, sigmas.
+    pub fn finish(
+        &mut self,
+        prepared: &[PreparedObservation],
+        position: Ecef,
+        time_gps: GpsTime,
+    ) -> Vec<CorrectedObservation> {
+        let view = View { frame: LocalFrame::at(position), time_gps, options: self.options };
+        let mut corrected = Vec::with_capacity(prepared.len());
+        for observation in prepared {
+            let seen = view.see(observation);
+            if seen.direction.elevation_rad < self.options.elevation_mask_rad {
+                self.skips.add("elevation below the mask", || {
+                    format!("{} at {time_gps}", observation.observation.satellite)
+                });
+                continue;
+            }
+            corrected.push(view.correct(observation, &seen, &self.products));
+        }
+        corrected
+    }
+}
+
+/// Observations of an epoch about which nothing but the pseudorange is known yet: satellites rotated for the measured
+/// travel time, no atmosphere, no masks. Good to start an iteration from nowhere.
+pub fn without_position(prepared: &[PreparedObservation]) -> Vec<CorrectedObservation> {
+    prepared
+        .iter()
+        .map(|p| {
+            let seen = rotate(p, p.pseudorange_m / SPEED_OF_LIGHT_MPS);
+            let direction = Direction { azimuth_rad: 0.0, elevation_rad: std::f64::consts::FRAC_PI_2 };
+            seen.observation(p, direction, p.pseudorange_m, 10.0, 1.0)
+        })
+        .collect()
+}
+
+#[derive(Clone, Copy)]
+struct PreparedState {
+    satellite_state: SatelliteState,
+    observation: Observation,
+    time_gps: GpsTime,
+}
+
+impl PreparedState {
+    /// Whether this state serves another signal of the same satellite: within a microsecond (300 m) a satellite moves by 4 mm.
+    fn serves(&self, observation: &Observation, pseudorange_m: f64) -> bool {
+        self.observation.satellite == observation.satellite
+            && self.observation.pseudorange_m.is_some_and(|known| (known - pseudorange_m).abs() < 300.0)
+    }
+}
+
+struct Rotated {
+    position: Ecef,
+    velocity: EcefVector,
+}
+
+struct Seen {
+    rotated: Rotated,
+    direction: Direction,
+}
+
+/// The satellite in the Earth-fixed frame of a reception `travel_s` later.
+fn rotate(prepared: &PreparedObservation, travel_s: f64) -> Rotated {
+    let (sin, cos) = (EARTH_ROTATION_RADPS * travel_s).sin_cos();
+    let turn = |v: &nalgebra::Vector3<f64>| {
+        nalgebra::Vector3::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x, v.z)
+    };
+    Rotated { position: Ecef(turn(&prepared.position.0)), velocity: EcefVector(turn(&prepared.velocity.0)) }
+}
+
+impl Rotated {
+    fn observation(
+        &self,
+        prepared: &PreparedObservation,
+        direction: Direction,
+        pseudorange_m: f64,
+        pseudorange_sigma_m: f64,
+        rate_sigma_mps: f64,
+    ) -> CorrectedObservation {
+        CorrectedObservation {
+            satellite: prepared.observation.satellite,
+            signal: prepared.observation.signal,
+            pseudorange_m,
+            pseudorange_sigma_m,
+            range_rate: prepared
+                .range_rate_mps
+                .map(|range_rate_mps| RangeRate { range_rate_mps, sigma_mps: rate_sigma_mps }),
+            cn0_dbhz: prepared.observation.cn0_dbhz,
+            direction,
+            satellite_position: self.position,
+            satellite_velocity: self.velocity,
+            usage: Usage::Used,
+            residual_m: None,
+        }
+    }
+}
+
+/// The sky from one place at one instant.
+struct View {
+    frame: LocalFrame,
+    time_gps: GpsTime,
+    options: CorrectionOptions,
+}
+
+impl View {
+    fn see(&self, prepared: &PreparedObservation) -> Seen {
+        let receiver = self.frame.origin();
+        let rough_s = prepared.position.distance_m(receiver) / SPEED_OF_LIGHT_MPS;
+        let rotated = rotate(prepared, rough_s);
+        let line = (rotated.position - receiver).0;
+        let direction = self.frame.direction(&line.normalize());
+        Seen { rotated, direction }
+    }
+
+    fn correct(
+        &self,
+        prepared: &PreparedObservation,
+        seen: &Seen,
+        products: &Products,
+    ) -> CorrectedObservation {
+        let geodetic = self.frame.geodetic();
+        let ionosphere_m = products.ionosphere().map_or(0.0, |coefficients| {
+            let l1_m = klobuchar_delay_l1_m(&coefficients, geodetic, seen.direction, self.time_gps);
+            scale_from_l1(l1_m, prepared.frequency_hz)
+        });
+        let troposphere_m =
+            saastamoinen_delay_m(geodetic, seen.direction, self.options.relative_humidity);
+        let cn0_dbhz = prepared.observation.cn0_dbhz;
+        let elevation_rad = seen.direction.elevation_rad;
+        let StochasticModel { code, rate } = self.options.stochastic;
+        let variance = code.variance(cn0_dbhz, elevation_rad) + prepared.extra_variance_m2;
+        seen.rotated.observation(
+            prepared,
+            seen.direction,
+            prepared.pseudorange_m - ionosphere_m - troposphere_m,
+            variance.sqrt(),
+            rate.variance(cn0_dbhz, elevation_rad).sqrt(),
+        )
+    }
+}

@@ -1,0 +1,94 @@
+//! From the clock of a product to that of one signal.
+//!
+//! A satellite clock refers to one signal or combination; another signal leaves the satellite earlier or later.
+//! All terms are metres to be *added* to a pseudorange, along with c·dT_s. IS-GPS-200, 20.3.3.3.3.2; Galileo OS
+//! SIS ICD, 5.1.5; BDS-SIS-ICD-B1I, 5.2.4.10; IS-QZSS-PNT, 5.8.2.
+
+use super::{ClockReference, NavigationMessage};
+use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::gnss::{Constellation, SignalCode};
+
+/// Group delays that are known of a satellite, s; NaN where unknown.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GroupDelays {
+    /// GPS, QZSS: TGD. Galileo: BGD E1-E5a. BeiDou: TGD1.
+    pub(super) first_s: f64,
+    /// Galileo: BGD E1-E5b. BeiDou: TGD2.
+    pub(super) second_s: f64,
+}
+
+impl GroupDelays {
+    /// The correction of a pseudorange on a signal, m; `None` when it is not known. `message` is the one that a
+    /// broadcast clock came from.
+    pub(super) fn correction_m(
+        self,
+        constellation: Constellation,
+        signal: SignalCode,
+        reference: ClockReference,
+        message: NavigationMessage,
+    ) -> Option<f64> {
+        let delay_s = match constellation {
+            Constellation::Gps | Constellation::Qzss => self.gps(signal),
+            Constellation::Galileo => self.galileo(signal, reference, message),
+            Constellation::Beidou => self.beidou(signal, reference),
+            _ => None,
+        }?;
+        delay_s.is_finite().then_some(SPEED_OF_LIGHT_MPS * delay_s)
+    }
+
+    /// L1 −TGD, L2 −γ·TGD, for the broadcast clock and for that of the L1/L2 pair alike. L5 needs ISC_L5, which
+    /// LNAV does not carry.
+    fn gps(self, signal: SignalCode) -> Option<f64> {
+        match signal.band {
+            b'1' => Some(-self.first_s),
+            b'2' => Some(-ratio_squared(Constellation::Gps, b'1', b'2')? * self.first_s),
+            _ => None,
+        }
+    }
+
+    /// E1 by the BGD of the clock's own pair; E5a and E5b from E1 by theirs.
+    fn galileo(
+        self,
+        signal: SignalCode,
+        reference: ClockReference,
+        message: NavigationMessage,
+    ) -> Option<f64> {
+        let inav = reference == ClockReference::Broadcast && message == NavigationMessage::GalileoInav;
+        let e1 = if inav { -self.second_s } else { -self.first_s };
+        let own = match signal.band {
+            b'1' => return Some(e1),
+            b'5' => self.first_s,
+            b'7' => self.second_s,
+            _ => return None,
+        };
+        let gamma = ratio_squared(Constellation::Galileo, b'1', signal.band)?;
+        // With the clock of the signal's own pair the two terms join to −γ·BGD, and only that BGD need be known.
+        let own_pair = inav == (signal.band == b'7');
+        Some(if own_pair { -gamma * own } else { e1 - (gamma - 1.0) * own })
+    }
+
+    /// B1I −TGD1, B2I −TGD2, B3I none, for the broadcast clock, which is B3I's; that of the B1I/B3I pair is
+    /// f₁²/(f₁² − f₃²)·TGD1 behind it.
+    fn beidou(self, signal: SignalCode, reference: ClockReference) -> Option<f64> {
+        let from_b3 = match (signal.band, signal.attribute) {
+            (b'2', _) => -self.first_s,
+            (b'6', _) => 0.0,
+            (b'7', b'I' | b'Q' | b'X') => -self.second_s,
+            _ => return None,
+        };
+        match reference {
+            ClockReference::Broadcast => Some(from_b3),
+            ClockReference::IonosphereFree => {
+                let gamma = ratio_squared(Constellation::Beidou, b'2', b'6')?;
+                Some(from_b3 + gamma / (gamma - 1.0) * self.first_s)
+            }
+        }
+    }
+}
+
+/// (f_a / f_b)² of two bands of a system.
+fn ratio_squared(constellation: Constellation, a: u8, b: u8) -> Option<f64> {
+    let frequency = |band: u8| SignalCode::new(band, b'X').frequency_hz(constellation, None);
+    let ratio = frequency(a)? / frequency(b)?;
+    Some(ratio * ratio)
+}

@@ -1,0 +1,303 @@
+//! Header of a RINEX 3 observation file.
+
+use std::collections::BTreeMap;
+
+use super::{RinexError, columns, integer, real, shorten, text};
+use crate::frames::Ecef;
+use crate::gnss::{Constellation, SatelliteId, SignalCode};
+use crate::time::{BEIDOU_BEHIND_GPS_S, Calendar, GpsTime};
+
+/// What a column of an observation file holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ObservationKind {
+    /// C: pseudorange, m.
+    Pseudorange,
+    /// L: carrier phase, cycles.
+    CarrierPhase,
+    /// D: Doppler, Hz.
+    Doppler,
+    /// S: carrier-to-noise density, dB-Hz.
+    SignalStrength,
+    /// Anything else (I: ionosphere delay, X: receiver channel); not decoded.
+    Other,
+}
+
+/// One column: what it holds, and of which signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObservationType {
+    /// What it holds.
+    pub kind: ObservationKind,
+    /// The signal.
+    pub signal: SignalCode,
+    /// Factor that the file's values are multiplied with (SYS / SCALE FACTOR), usually 1.
+    pub scale: f64,
+}
+
+/// Header of an observation file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ObservationHeader {
+    /// Version times 100: 304 for RINEX 3.04.
+    pub version: u16,
+    /// Marker name, as written.
+    pub marker_name: String,
+    /// Receiver (phone) type, as written.
+    pub receiver_type: String,
+    /// Approximate position, `None` when absent or zero.
+    pub approximate_position: Option<Ecef>,
+    /// Interval between epochs, s, where stated.
+    pub interval_s: Option<f64>,
+    /// Time of the first observation, GPS time.
+    pub first_observation: Option<GpsTime>,
+    /// Seconds that GPS time is ahead of UTC.
+    pub leap_seconds: Option<i64>,
+    /// The time system as written (GPS, GAL, BDT, …); empty when not stated, which is read as GPS time.
+    pub time_system: String,
+    /// Seconds to add to the file's times to get GPS time.
+    pub to_gps_time_s: f64,
+    /// Columns per system, in file order.
+    pub observation_types: BTreeMap<Constellation, Vec<ObservationType>>,
+    /// GLONASS frequency channels by slot.
+    pub glonass_channels: BTreeMap<u8, i8>,
+}
+
+impl ObservationHeader {
+    /// GLONASS frequency channel of a satellite, where the header gives it; `None` for other systems.
+    pub fn glonass_channel(&self, satellite: SatelliteId) -> Option<i8> {
+        match satellite.constellation {
+            Constellation::Glonass => self.glonass_channels.get(&satellite.number).copied(),
+            _ => None,
+        }
+    }
+}
+
+/// Collects header lines.
+#[derive(Clone, Debug, Default)]
+pub(super) struct HeaderBuilder {
+    header: ObservationHeader,
+    lines: u64,
+    /// System and number of types still to come on continuation lines.
+    continued: Option<(Constellation, usize)>,
+    scaled: Option<Scaled>,
+    first_observation_own: Option<GpsTime>,
+}
+
+/// A scale factor whose list of types is not complete yet.
+#[derive(Clone, Copy, Debug)]
+struct Scaled {
+    constellation: Constellation,
+    factor: f64,
+    remaining: usize,
+}
+
+const TYPES_LABEL: &str = "SYS / # / OBS TYPES";
+const SCALE_LABEL: &str = "SYS / SCALE FACTOR";
+const FIRST_LABEL: &str = "TIME OF FIRST OBS";
+
+impl HeaderBuilder {
+    /// Lines taken so far.
+    pub(super) const fn lines(&self) -> u64 {
+        self.lines
+    }
+
+    /// The header so far.
+    pub(super) const fn header(&self) -> &ObservationHeader {
+        &self.header
+    }
+
+    /// Takes a line; true when it was END OF HEADER.
+    pub(super) fn line(&mut self, number: u64, line: &[u8]) -> Result<bool, RinexError> {
+        self.lines += 1;
+        let label = columns(line, 60, 80).trim_ascii();
+        if self.lines == 1 {
+            self.header.version = version(number, line, label, b'O', "observation")?;
+            return Ok(false);
+        }
+        self.record(line, label).map_err(|label| RinexError::HeaderLine {
+            line: number,
+            label,
+            text: shorten(line),
+        })?;
+        Ok(label == b"END OF HEADER")
+    }
+
+    /// Takes a line of any label; the error is the label of one that is needed and cannot be read.
+    fn record(&mut self, line: &[u8], label: &[u8]) -> Result<(), &'static str> {
+        match label {
+            b"MARKER NAME" => self.header.marker_name = text(columns(line, 0, 60)),
+            b"REC # / TYPE / VERS" => self.header.receiver_type = text(columns(line, 20, 40)),
+            b"APPROX POSITION XYZ" => self.header.approximate_position = position(line),
+            b"INTERVAL" => self.header.interval_s = real(columns(line, 0, 10)).filter(|s| *s > 0.0),
+            b"LEAP SECONDS" => self.header.leap_seconds = leap_seconds(line),
+            b"SYS / # / OBS TYPES" => self.observation_types(line).ok_or(TYPES_LABEL)?,
+            b"SYS / SCALE FACTOR" => self.scale_factor(line).ok_or(SCALE_LABEL)?,
+            b"TIME OF FIRST OBS" => {
+                self.first_observation_own = calendar_of_header(line);
+                self.header.time_system = text(columns(line, 48, 51));
+                self.first_observation_own.ok_or(FIRST_LABEL)?;
+            }
+            b"GLONASS SLOT / FRQ #" => self.glonass_slots(line),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Checks what the whole file depends on, and settles the time system.
+    pub(super) fn complete(&mut self) -> Result<(), RinexError> {
+        if self.header.observation_types.values().all(Vec::is_empty) {
+            return Err(RinexError::NoObservationTypes);
+        }
+        let system = self.header.time_system.clone();
+        self.header.to_gps_time_s = match system.as_str() {
+            "" | "GPS" | "GAL" | "QZS" | "IRN" => 0.0,
+            "BDT" => BEIDOU_BEHIND_GPS_S,
+            "GLO" | "UTC" => match self.header.leap_seconds {
+                Some(leap) => leap as f64,
+                None => return Err(RinexError::LeapSecondsUnknown { system }),
+            },
+            _ => return Err(RinexError::TimeSystem { found: system }),
+        };
+        let offset = self.header.to_gps_time_s;
+        self.header.first_observation = self.first_observation_own.map(|time| time + offset);
+        Ok(())
+    }
+
+    fn observation_types(&mut self, line: &[u8]) -> Option<()> {
+        let (constellation, mut remaining) = match *columns(line, 0, 1).first()? {
+            b' ' => self.continued?,
+            letter => {
+                let count = usize::try_from(integer(columns(line, 3, 6))?).ok()?;
+                let constellation = Constellation::from_letter(letter as char)?;
+                self.header.observation_types.insert(constellation, Vec::new());
+                (constellation, count)
+            }
+        };
+        let version = self.header.version;
+        let types = self.header.observation_types.entry(constellation).or_default();
+        for index in 0..remaining.min(13) {
+            let code = columns(line, 6 + 4 * index, 10 + 4 * index).trim_ascii();
+            types.push(observation_type(code, constellation, version)?);
+            remaining -= 1;
+        }
+        self.continued = (remaining > 0).then_some((constellation, remaining));
+        Some(())
+    }
+
+    fn scale_factor(&mut self, line: &[u8]) -> Option<()> {
+        let mut scaled = match *columns(line, 0, 1).first()? {
+            b' ' => self.scaled?,
+            letter => {
+                let constellation = Constellation::from_letter(letter as char)?;
+                let factor = real(columns(line, 2, 6)).filter(|f| *f >= 1.0)?;
+                let listed = integer(columns(line, 8, 10)).unwrap_or(0);
+                Scaled { constellation, factor, remaining: usize::try_from(listed).ok()? }
+            }
+        };
+        let version = self.header.version;
+        let types = self.header.observation_types.get_mut(&scaled.constellation)?;
+        if scaled.remaining == 0 {
+            for observed in types {
+                observed.scale = scaled.factor;
+            }
+            return Some(());
+        }
+        for index in 0..scaled.remaining.min(12) {
+            let code = columns(line, 11 + 4 * index, 14 + 4 * index).trim_ascii();
+            let wanted = observation_type(code, scaled.constellation, version)?;
+            let found = types.iter_mut().find(|t| t.kind == wanted.kind && t.signal == wanted.signal)?;
+            found.scale = scaled.factor;
+            scaled.remaining -= 1;
+        }
+        self.scaled = (scaled.remaining > 0).then_some(scaled);
+        Some(())
+    }
+
+    fn glonass_slots(&mut self, line: &[u8]) {
+        for entry in columns(line, 4, 60).chunks(7) {
+            let slot = entry.first_chunk::<3>().and_then(|id| SatelliteId::from_bytes(*id));
+            let channel = integer(columns(entry, 3, 7)).and_then(|c| i8::try_from(c).ok());
+            if let (Some(slot), Some(channel @ -7..=6)) = (slot, channel) {
+                self.header.glonass_channels.insert(slot.number, channel);
+            }
+        }
+    }
+}
+
+/// Checks the first line and gives the version times 100.
+pub(super) fn version(
+    number: u64,
+    line: &[u8],
+    label: &[u8],
+    wanted: u8,
+    expected: &'static str,
+) -> Result<u16, RinexError> {
+    if label.starts_with(b"CRINEX VERS") {
+        return Err(RinexError::Hatanaka);
+    }
+    if label != b"RINEX VERSION / TYPE" {
+        return Err(RinexError::NotRinex { line: number, found: shorten(line) });
+    }
+    let field = columns(line, 0, 9);
+    let found = || RinexError::Version { found: text(field) };
+    let version = real(field).map(|v| (v * 100.0).round()).filter(|v| (300.0..=305.0).contains(v));
+    let kind = columns(line, 20, 40);
+    if version.is_some() && kind.first() != Some(&wanted) {
+        return Err(RinexError::WrongType { expected, found: text(kind) });
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within 300 to 305
+    version.map(|v| v as u16).ok_or_else(found)
+}
+
+/// Seconds that GPS time is ahead of UTC. The line may count them for BeiDou time instead.
+pub(super) fn leap_seconds(line: &[u8]) -> Option<i64> {
+    let seconds = integer(columns(line, 0, 6)).filter(|s| (0..=100).contains(s))?;
+    Some(if columns(line, 24, 27) == b"BDS" { seconds + 14 } else { seconds })
+}
+
+fn position(line: &[u8]) -> Option<Ecef> {
+    let at = |k: usize| real(columns(line, 14 * k, 14 * k + 14));
+    let position = Ecef::new(at(0)?, at(1)?, at(2)?);
+    (position.0.norm() > 0.0).then_some(position)
+}
+
+fn calendar_of_header(line: &[u8]) -> Option<GpsTime> {
+    let at = |k: usize| integer(columns(line, 6 * k, 6 * k + 6));
+    let small = |k: usize| at(k).and_then(|v| u32::try_from(v).ok());
+    GpsTime::from_calendar(Calendar {
+        year: i32::try_from(at(0)?).ok()?,
+        month: small(1)?,
+        day: small(2)?,
+        hour: small(3)?,
+        minute: small(4)?,
+        second: real(columns(line, 30, 43))?,
+    })
+}
+
+fn observation_type(code: &[u8], constellation: Constellation, version: u16) -> Option<ObservationType> {
+    let (letter, band, attribute) = match *code {
+        [letter, band, attribute] => (letter, band, attribute),
+        [letter, band] => (letter, band, b' '),
+        _ => return None,
+    };
+    let kind = match letter {
+        b'C' => ObservationKind::Pseudorange,
+        b'L' => ObservationKind::CarrierPhase,
+        b'D' => ObservationKind::Doppler,
+        b'S' => ObservationKind::SignalStrength,
+        b'A'..=b'Z' => ObservationKind::Other,
+        _ => return None,
+    };
+    if !band.is_ascii_digit() || !(attribute == b' ' || attribute.is_ascii_uppercase()) {
+        return None;
+    }
+    let band = beidou_b1i_band(constellation, band, attribute, version);
+    Some(ObservationType { kind, signal: SignalCode::new(band, attribute), scale: 1.0 })
+}
+
+/// RINEX 3.02 wrote BeiDou B1I as band 1; before and after it is band 2 (RINEX 3.05, table 9, note).
+const fn beidou_b1i_band(constellation: Constellation, band: u8, attribute: u8, version: u16) -> u8 {
+    match (constellation, band, attribute) {
+        (Constellation::Beidou, b'1', b'I' | b'Q') => b'2',
+        (Constellation::Beidou, b'1', b'X') if version == 302 => b'2',
+        _ => band,
+    }
+}

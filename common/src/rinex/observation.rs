@@ -1,0 +1,290 @@
+//! RINEX 3.0x observation files, line by line.
+
+use super::header::{HeaderBuilder, ObservationHeader};
+use super::observation_record::{Layouts, Seen};
+use super::{RinexError, columns, decompress, integer, lines, real, shorten, trim_end};
+use crate::gnss::{EpochFlag, ObservationEpoch};
+use crate::skips::Skips;
+use crate::time::{Calendar, GpsTime};
+
+/// A longer step forward than this (s) is believed only when the next epoch confirms it: one damaged date must
+/// not turn all later epochs into steps backwards.
+const MAX_STEP_S: f64 = 86_400.0;
+
+/// Decodes an observation file one line at a time. It owns no input, so a file, a growing file and a socket
+/// are read alike.
+///
+/// ```
+/// use cofix_common::rinex::ObservationDecoder;
+/// let mut decoder = ObservationDecoder::default();
+/// # let text = b"     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE\n";
+/// for (number, line) in (1..).zip(text.split(|b| *b == b'\n')) {
+///     if let Some(epoch) = decoder.line(number, line)? {
+///         println!("{} with {} observations", epoch.time_gps, epoch.observations.len());
+///     }
+/// }
+/// # Ok::<(), cofix_common::rinex::RinexError>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct ObservationDecoder {
+    builder: HeaderBuilder,
+    layouts: Layouts,
+    state: State,
+    order: Order,
+    skips: Skips,
+    /// Observations in the epoch before: how much room the next one will need.
+    usual_size: usize,
+}
+
+/// What the next line is expected to be.
+#[derive(Clone, Debug, Default)]
+enum State {
+    #[default]
+    Header,
+    /// An epoch line.
+    Between,
+    /// A satellite of the epoch.
+    Epoch(Pending),
+    /// Records of an event, or of an epoch that is not wanted; up to `remaining` of them.
+    Skip { remaining: usize, header_lines: bool },
+    /// Anything up to the next epoch line.
+    Lost,
+}
+
+/// An epoch whose satellites are still coming.
+#[derive(Clone, Debug)]
+struct Pending {
+    epoch: ObservationEpoch,
+    line: u64,
+    announced: usize,
+    remaining: usize,
+    seen: Seen,
+}
+
+/// Keeps the epochs in time order.
+#[derive(Clone, Copy, Debug, Default)]
+struct Order {
+    last: Option<GpsTime>,
+    suspect: Option<GpsTime>,
+}
+
+/// A whole observation file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObservationFile {
+    /// The header.
+    pub header: ObservationHeader,
+    /// Epochs, in time order.
+    pub epochs: Vec<ObservationEpoch>,
+    /// What was skipped.
+    pub skips: Skips,
+}
+
+impl ObservationFile {
+    /// Reads a whole file, plain or gzip-compressed.
+    ///
+    /// # Errors
+    /// When the compression is damaged or the header cannot be used; damage further on is counted in
+    /// [`ObservationFile::skips`].
+    pub fn parse(bytes: &[u8]) -> Result<Self, RinexError> {
+        let bytes = decompress(bytes)?;
+        let mut decoder = ObservationDecoder::default();
+        let mut epochs = Vec::new();
+        for (number, line) in lines(&bytes) {
+            epochs.extend(decoder.line(number, line)?);
+        }
+        decoder.finish()?;
+        Ok(Self { header: decoder.builder.header().clone(), epochs, skips: decoder.skips })
+    }
+}
+
+impl ObservationDecoder {
+    /// Takes a line (with or without its line end) and gives the epoch that it completes, if any. An epoch is
+    /// complete with its last announced satellite; one that is cut short by the next epoch line is given then.
+    ///
+    /// # Errors
+    /// Only in the header: when it is not that of a RINEX 3.0x observation file, or cannot be used.
+    pub fn line(&mut self, number: u64, line: &[u8]) -> Result<Option<ObservationEpoch>, RinexError> {
+        let line = trim_end(line);
+        if matches!(self.state, State::Header) {
+            if self.builder.line(number, line)? {
+                self.builder.complete()?;
+                self.layouts = Layouts::new(self.builder.header());
+                self.state = State::Between;
+            }
+            return Ok(None);
+        }
+        if line.first() == Some(&b'>') {
+            let short = self.cut_short();
+            self.state = self.begin(number, line);
+            return Ok(short);
+        }
+        Ok(self.record(number, line))
+    }
+
+    /// Says that the input has ended. An epoch that is not complete is dropped and counted, because its last
+    /// line may be cut.
+    ///
+    /// # Errors
+    /// When the header was not complete.
+    pub fn finish(&mut self) -> Result<(), RinexError> {
+        match std::mem::replace(&mut self.state, State::Between) {
+            State::Header => {
+                self.state = State::Header;
+                return Err(RinexError::HeaderIncomplete { lines: self.builder.lines() });
+            }
+            State::Epoch(pending) => self.skips.add("last epoch is cut off", || pending.shortage()),
+            State::Between | State::Skip { .. } | State::Lost => {}
+        }
+        Ok(())
+    }
+
+    /// The header, once complete.
+    pub const fn header(&self) -> Option<&ObservationHeader> {
+        match self.state {
+            State::Header => None,
+            _ => Some(self.builder.header()),
+        }
+    }
+
+    /// What has been skipped so far.
+    pub const fn skips(&self) -> &Skips {
+        &self.skips
+    }
+
+    /// The unfinished epoch that an epoch line ends.
+    fn cut_short(&mut self) -> Option<ObservationEpoch> {
+        let State::Epoch(pending) = std::mem::take(&mut self.state) else { return None };
+        self.skips.add("epoch has fewer satellites than announced", || pending.shortage());
+        Some(pending.epoch)
+    }
+
+    fn record(&mut self, number: u64, line: &[u8]) -> Option<ObservationEpoch> {
+        match &mut self.state {
+            State::Epoch(pending) => {
+                let observations = &mut pending.epoch.observations;
+                self.layouts.decode((number, line), &mut pending.seen, observations, &mut self.skips);
+                pending.remaining -= 1;
+                if pending.remaining > 0 {
+                    return None;
+                }
+                let State::Epoch(done) = std::mem::replace(&mut self.state, State::Between) else {
+                    return None;
+                };
+                self.usual_size = done.epoch.observations.len();
+                return Some(done.epoch);
+            }
+            State::Skip { remaining, header_lines } => {
+                *remaining -= 1;
+                let (ended, header_lines) = (*remaining == 0, *header_lines);
+                if header_lines {
+                    self.header_line(number, line);
+                }
+                if ended {
+                    self.state = State::Between;
+                }
+            }
+            State::Between if line.iter().any(|b| *b != b' ') => {
+                self.skips.add("line outside any epoch", || format!("line {number}: '{}'", shorten(line)));
+            }
+            State::Between | State::Header | State::Lost => {}
+        }
+        None
+    }
+
+    /// A header line between epochs (event 4): new observation types hold from here on.
+    fn header_line(&mut self, number: u64, line: &[u8]) {
+        if let Err(error) = self.builder.line(number, line) {
+            self.skips.add("header line between epochs cannot be read", || error.to_string());
+        }
+        self.layouts = Layouts::new(self.builder.header());
+    }
+
+    fn begin(&mut self, number: u64, line: &[u8]) -> State {
+        let flag = columns(line, 31, 32);
+        let count = integer(columns(line, 32, 35)).and_then(|n| usize::try_from(n).ok());
+        let (Some(flag @ b'0'..=b'6'), Some(count)) = (flag.first(), count) else {
+            self.skips.add("epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
+            return State::Lost;
+        };
+        match flag {
+            b'0' => self.epoch(number, line, count, EpochFlag::Ok),
+            b'1' => self.epoch(number, line, count, EpochFlag::PowerFailure),
+            b'6' => {
+                self.skips.add("cycle slip records", || format!("line {number}: {count} satellites"));
+                skip(count, false)
+            }
+            event => {
+                self.skips.add("event records", || {
+                    format!("line {number}: event {} with {count} lines", *event as char)
+                });
+                skip(count, *event == b'4')
+            }
+        }
+    }
+
+    fn epoch(&mut self, number: u64, line: &[u8], announced: usize, flag: EpochFlag) -> State {
+        let Some(time_gps) = epoch_time(line).map(|t| t + self.builder.header().to_gps_time_s) else {
+            self.skips.add("epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
+            return State::Lost;
+        };
+        if announced == 0 {
+            self.skips.add("epoch without satellites", || format!("line {number}: {time_gps}"));
+            return State::Between;
+        }
+        let first = self.builder.header().first_observation;
+        if let Err((reason, before)) = self.order.check(time_gps, first) {
+            self.skips.add(reason, || format!("line {number}: {time_gps} after {before}"));
+            return skip(announced, false);
+        }
+        let observations = Vec::with_capacity(self.usual_size.max(16));
+        let epoch = ObservationEpoch { time_gps, flag, observations };
+        State::Epoch(Pending { epoch, line: number, announced, remaining: announced, seen: Seen::default() })
+    }
+}
+
+impl Pending {
+    fn shortage(&self) -> String {
+        let got = self.announced - self.remaining;
+        format!("line {}: {}: {got} of {} satellites", self.line, self.epoch.time_gps, self.announced)
+    }
+}
+
+impl Order {
+    /// Accepts a time, or says why not and against which time.
+    fn check(&mut self, time: GpsTime, first: Option<GpsTime>) -> Result<(), (&'static str, GpsTime)> {
+        if let Some(last) = self.last {
+            if time == last {
+                return Err(("epoch repeats the time of the one before", last));
+            }
+            if time < last {
+                return Err(("epoch steps back in time", last));
+            }
+        }
+        if let Some(reference) = self.last.or(first) {
+            let confirmed = self.suspect.is_some_and(|s| (0.0..=MAX_STEP_S).contains(&(time - s)));
+            if (time - reference).abs() > MAX_STEP_S && !confirmed {
+                self.suspect = Some(time);
+                return Err(("epoch jumps by more than a day", reference));
+            }
+        }
+        self.last = Some(time);
+        self.suspect = None;
+        Ok(())
+    }
+}
+
+const fn skip(remaining: usize, header_lines: bool) -> State {
+    if remaining == 0 { State::Between } else { State::Skip { remaining, header_lines } }
+}
+
+fn epoch_time(line: &[u8]) -> Option<GpsTime> {
+    let small = |from: usize, to: usize| integer(columns(line, from, to)).and_then(|v| u32::try_from(v).ok());
+    GpsTime::from_calendar(Calendar {
+        year: i32::try_from(integer(columns(line, 2, 6))?).ok()?,
+        month: small(7, 9)?,
+        day: small(10, 12)?,
+        hour: small(13, 15)?,
+        minute: small(16, 18)?,
+        second: real(columns(line, 18, 29))?,
+    })
+}

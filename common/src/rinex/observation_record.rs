@@ -1,0 +1,233 @@
+//! One satellite's line of an observation file.
+
+use super::ObservationType;
+use super::decimal::{Thousandths, thousandths};
+use super::header::{ObservationHeader, ObservationKind};
+use super::{columns, shorten};
+use crate::gnss::{LossOfLock, Observation, SatelliteId, SignalCode};
+use crate::skips::Skips;
+
+/// Pseudoranges outside these bounds (m) are impossible: no satellite in use is nearer or farther.
+const PSEUDORANGE_BOUNDS_M: (f64, f64) = (1e6, 1e9);
+/// Largest Doppler, Hz: a satellite's few kHz and ample room for the receiver's clock drift.
+const MAX_DOPPLER_HZ: f64 = 5e4;
+/// Largest carrier-to-noise density, dB-Hz.
+const MAX_CN0_DBHZ: f64 = 70.0;
+const SYSTEMS: usize = 7;
+
+/// A column: which of the system's signals, what it holds, and the divisor of its thousandths.
+#[derive(Clone, Copy, Debug)]
+struct Column {
+    signal: usize,
+    kind: ObservationKind,
+    divisor: f64,
+}
+
+/// Columns of one system, settled once per header.
+#[derive(Clone, Debug, Default)]
+struct Layout {
+    signals: Vec<SignalCode>,
+    columns: Vec<Column>,
+}
+
+/// Columns of all systems.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Layouts {
+    by_system: [Layout; SYSTEMS],
+}
+
+/// Satellites already seen in an epoch.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Seen([u128; SYSTEMS]);
+
+impl Seen {
+    /// Marks a satellite; false when it was marked before.
+    fn mark(&mut self, satellite: SatelliteId) -> bool {
+        let bit = 1_u128 << (satellite.number & 127);
+        let Some(marks) = self.0.get_mut(satellite.constellation as usize) else { return false };
+        let fresh = *marks & bit == 0;
+        *marks |= bit;
+        fresh
+    }
+}
+
+impl Layout {
+    fn new(types: &[ObservationType]) -> Self {
+        let mut layout = Self::default();
+        for observed in types {
+            let known = layout.signals.iter().position(|s| *s == observed.signal);
+            let signal = known.unwrap_or(layout.signals.len());
+            if known.is_none() {
+                layout.signals.push(observed.signal);
+            }
+            layout.columns.push(Column { signal, kind: observed.kind, divisor: 1000.0 * observed.scale });
+        }
+        layout
+    }
+}
+
+impl Layouts {
+    /// Layouts of a header's observation types.
+    pub(super) fn new(header: &ObservationHeader) -> Self {
+        let mut layouts = Self::default();
+        for (constellation, types) in &header.observation_types {
+            if let Some(slot) = layouts.by_system.get_mut(*constellation as usize) {
+                *slot = Layout::new(types);
+            }
+        }
+        layouts
+    }
+
+    /// Decodes a satellite's line and appends one observation per signal with any value.
+    pub(super) fn decode(
+        &self,
+        (number, line): (u64, &[u8]),
+        seen: &mut Seen,
+        observations: &mut Vec<Observation>,
+        skips: &mut Skips,
+    ) {
+        let Some((id, values)) = line.split_first_chunk::<3>() else {
+            skips.add("satellite line too short", || format!("line {number}: '{}'", shorten(line)));
+            return;
+        };
+        let Some(satellite) = SatelliteId::from_bytes(*id) else {
+            skips.add("unknown satellite", || format!("line {number}: '{}'", shorten(id)));
+            return;
+        };
+        let layout = self.by_system.get(satellite.constellation as usize);
+        let Some(layout) = layout.filter(|layout| !layout.columns.is_empty()) else {
+            skips.add("satellite of a system without observation types", || {
+                format!("line {number}: {satellite}")
+            });
+            return;
+        };
+        if !seen.mark(satellite) {
+            skips.add("satellite twice in one epoch", || format!("line {number}: {satellite}"));
+            return;
+        }
+        let base = observations.len();
+        observations.extend(layout.signals.iter().map(|signal| empty(satellite, *signal)));
+        let mut record = Record { number, satellite, skips };
+        if let Some(slots) = observations.get_mut(base..) {
+            record.fill(layout, values, slots);
+        }
+        keep_from(observations, base);
+    }
+}
+
+const fn empty(satellite: SatelliteId, signal: SignalCode) -> Observation {
+    Observation {
+        satellite,
+        signal,
+        pseudorange_m: None,
+        carrier_phase_cycles: None,
+        doppler_hz: None,
+        cn0_dbhz: None,
+        loss_of_lock: LossOfLock { cycle_slip: false, half_cycle: false },
+    }
+}
+
+/// Removes observations without any value from `base` on, keeping the order.
+fn keep_from(observations: &mut Vec<Observation>, base: usize) {
+    let mut kept = base;
+    for index in base..observations.len() {
+        let Some(observation) = observations.get(index) else { break };
+        let any = observation.pseudorange_m.is_some()
+            || observation.carrier_phase_cycles.is_some()
+            || observation.doppler_hz.is_some()
+            || observation.cn0_dbhz.is_some();
+        if any {
+            observations.swap(kept, index);
+            kept += 1;
+        }
+    }
+    observations.truncate(kept);
+}
+
+/// The line being decoded, for messages.
+struct Record<'a> {
+    number: u64,
+    satellite: SatelliteId,
+    skips: &'a mut Skips,
+}
+
+impl Record<'_> {
+    fn fill(&mut self, layout: &Layout, values: &[u8], slots: &mut [Observation]) {
+        for (column, field) in layout.columns.iter().zip(values.chunks(16)) {
+            if column.kind == ObservationKind::Other {
+                continue;
+            }
+            let Some(slot) = slots.get_mut(column.signal) else { continue };
+            let content = match field.first_chunk::<14>() {
+                Some(digits) => thousandths(digits),
+                None if field.iter().all(|b| *b == b' ') => Thousandths::Blank,
+                None => Thousandths::Bad,
+            };
+            match content {
+                // RINEX 3.05, 6.7: a missing observation is blank or zero.
+                Thousandths::Blank | Thousandths::Value(0) => {}
+                Thousandths::Value(value) => self.store(column, value as f64 / column.divisor, slot),
+                Thousandths::Bad => self.bad(column, slot, "value is not F14.3", &shorten(field)),
+            }
+            if column.kind == ObservationKind::CarrierPhase {
+                self.loss_of_lock(field.get(14), slot);
+            }
+        }
+        let extra = columns(values, 16 * layout.columns.len(), values.len());
+        if extra.iter().any(|b| *b != b' ') {
+            let (number, satellite) = (self.number, self.satellite);
+            self.skips.add("text after the last observation type", || {
+                format!("line {number}: {satellite}: '{}'", shorten(extra))
+            });
+        }
+    }
+
+    fn store(&mut self, column: &Column, value: f64, slot: &mut Observation) {
+        let (low, high) = PSEUDORANGE_BOUNDS_M;
+        match column.kind {
+            ObservationKind::Pseudorange if (low..=high).contains(&value) => {
+                slot.pseudorange_m = Some(value);
+            }
+            ObservationKind::CarrierPhase => slot.carrier_phase_cycles = Some(value),
+            ObservationKind::Doppler if value.abs() <= MAX_DOPPLER_HZ => slot.doppler_hz = Some(value),
+            ObservationKind::SignalStrength if (0.0..=MAX_CN0_DBHZ).contains(&value) => {
+                slot.cn0_dbhz = Some(value);
+            }
+            ObservationKind::Pseudorange => {
+                self.bad(column, slot, "pseudorange outside 1e6 to 1e9 m", &value.to_string());
+            }
+            ObservationKind::Doppler => {
+                self.bad(column, slot, "Doppler beyond 50000 Hz", &value.to_string());
+            }
+            ObservationKind::SignalStrength => {
+                self.bad(column, slot, "C/N0 outside 0 to 70 dB-Hz", &value.to_string());
+            }
+            ObservationKind::Other => {}
+        }
+    }
+
+    #[cold]
+    fn bad(&mut self, column: &Column, slot: &Observation, reason: &str, value: &str) {
+        let (number, satellite, signal) = (self.number, self.satellite, slot.signal);
+        let kind = column.kind;
+        self.skips.add(reason, || format!("line {number}: {satellite} {signal} {kind:?} '{value}'"));
+    }
+
+    /// Bits 0 and 1 of the loss-of-lock indicator. One that is no digit from 0 to 7 counts as a lost lock.
+    fn loss_of_lock(&mut self, indicator: Option<&u8>, slot: &mut Observation) {
+        match indicator {
+            None | Some(b' ' | b'0') => {}
+            Some(digit @ b'1'..=b'7') => {
+                slot.loss_of_lock.cycle_slip = digit & 1 != 0;
+                slot.loss_of_lock.half_cycle = digit & 2 != 0;
+            }
+            Some(other) => {
+                slot.loss_of_lock.cycle_slip = true;
+                let (number, satellite, found) = (self.number, self.satellite, *other as char);
+                self.skips.add("loss-of-lock indicator is not 0 to 7", || {
+                    format!("line {number}: {satellite}: '{}'", found.escape_default())
+                });
+            }
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! Gauss-Legendre quadrature.
+
+use std::f64::consts::PI;
+use std::sync::LazyLock;
+
+/// Number of nodes.
+const NODES: usize = 32;
+
+/// Nodes in (−1, 1), symmetric about 0, with their weights.
+pub(super) static GAUSS_LEGENDRE: LazyLock<[(f64, f64); NODES]> = LazyLock::new(|| {
+    let mut rule = [(0.0, 0.0); NODES];
+    for index in 0..NODES / 2 {
+        let (node, weight) = node_and_weight(index);
+        rule[index] = (-node, weight);
+        rule[NODES - 1 - index] = (node, weight);
+    }
+    rule
+});
+
+/// The root of the Legendre polynomial that is `index`-th from the right, by Newton, and its weight.
+fn node_and_weight(index: usize) -> (f64, f64) {
+    let n = NODES as f64;
+    let mut x = (PI * (index as f64 + 0.75) / (n + 0.5)).cos();
+    let mut slope = 0.0;
+    for _ in 0..20 {
+        let (mut previous, mut value) = (1.0, x);
+        for degree in 2..=NODES {
+            let k = degree as f64;
+            (previous, value) = (value, ((2.0 * k - 1.0) * x * value - (k - 1.0) * previous) / k);
+        }
+        slope = n * (x * value - previous) / (x * x - 1.0);
+        let step = value / slope;
+        x -= step;
+        if step.abs() < 1e-16 {
+            break;
+        }
+    }
+    (x, 2.0 / ((1.0 - x * x) * slope * slope))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polynomials_up_to_degree_63_are_exact() {
+        for power in 0..2 * NODES {
+            let sum: f64 =
+                GAUSS_LEGENDRE.iter().map(|(x, w)| w * x.powi(i32::try_from(power).unwrap())).sum();
+            let exact = if power % 2 == 0 { 2.0 / (power as f64 + 1.0) } else { 0.0 };
+            assert!((sum - exact).abs() < 1e-14, "degree {power}: {sum} {exact}");
+        }
+    }
+}
