@@ -1,0 +1,200 @@
+//! Vehicles that follow each other on the road, and bounds on their distances.
+//!
+//! Vehicle n drives as the lead vehicle did n·τ earlier, n·d further back (Newell's car-following law), so the gap
+//! along the road lies between d (standing) and d + τ·v. Each follower's gap also varies smoothly with the place, by
+//! at most A, and each vehicle moves sideways in its lane by at most O. Standing vehicles stand still.
+
+use std::f64::consts::TAU;
+
+use super::profile::SpeedProfile;
+use super::road::{Road, RoadPoint};
+use crate::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
+
+/// Length of one period of the gap variation along the road, m.
+const VARIATION_PERIOD_M: f64 = 430.0;
+/// Mean Earth radius, for the drop of the horizon below the tangent plane, m.
+const EARTH_RADIUS_M: f64 = 6_371_000.0;
+
+/// How the vehicles keep their distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConvoyOptions {
+    /// Distance between phones of adjacent standing vehicles (d), m.
+    pub standstill_gap_m: f64,
+    /// Time gap (τ), s.
+    pub headway_s: f64,
+    /// Largest variation of a follower's place (A), m.
+    pub gap_variation_m: f64,
+    /// Largest sideways offset from the lane's centre (O), m.
+    pub lateral_m: f64,
+}
+
+impl Default for ConvoyOptions {
+    /// About 16 m at a light and 26 m at 14 m/s.
+    fn default() -> Self {
+        Self { standstill_gap_m: 16.0, headway_s: 0.7, gap_variation_m: 1.0, lateral_m: 0.4 }
+    }
+}
+
+/// Where a vehicle (and the phone in it) is, and where the road goes there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VehicleState {
+    /// Position, m.
+    pub position: Ecef,
+    /// Velocity, m/s.
+    pub velocity: EcefVector,
+    /// Distance along the road, m; grows beyond one lap.
+    pub road_m: f64,
+    /// Heading of the road, rad clockwise from north.
+    pub heading_rad: f64,
+}
+
+/// The convoy: vehicle 0 leads.
+#[derive(Clone, Debug)]
+pub struct Convoy {
+    road: Road,
+    profile: SpeedProfile,
+    options: ConvoyOptions,
+    frame: LocalFrame,
+}
+
+impl Convoy {
+    /// A convoy on the standard road around `origin`.
+    pub fn new(origin: Geodetic, options: ConvoyOptions) -> Self {
+        let frame = LocalFrame::at(origin.geodetic_to_ecef());
+        Self { road: Road::circuit(), profile: SpeedProfile::town(), options, frame }
+    }
+
+    /// The road.
+    pub const fn road(&self) -> &Road {
+        &self.road
+    }
+
+    /// The local frame at the scenario's origin.
+    pub const fn frame(&self) -> &LocalFrame {
+        &self.frame
+    }
+
+    /// Vehicle `vehicle` at `time_s` since the start.
+    pub fn state(&self, vehicle: usize, time_s: f64) -> VehicleState {
+        let (road_m, road_mps) = self.along(vehicle, time_s);
+        let point = self.road.at(road_m);
+        let wave_number = TAU * (23.0 + vehicle as f64) / self.road.lap_m();
+        let (sin, cos) = (wave_number * road_m + vehicle as f64).sin_cos();
+        let offset = (self.options.lateral_m * sin, self.options.lateral_m * wave_number * cos);
+        let (place, per_metre) = place_beside(&point, offset);
+        VehicleState {
+            position: self.frame.enu_to_ecef(place),
+            velocity: self.frame.vector_enu_to_ecef((per_metre.vector() * road_mps).into()),
+            road_m,
+            heading_rad: point.heading_rad,
+        }
+    }
+
+    /// Largest speed along the lane's centre, m/s.
+    pub fn maximum_speed_mps(&self) -> f64 {
+        self.profile.maximum_speed_mps() * (1.0 + self.options.gap_variation_m * TAU / VARIATION_PERIOD_M)
+    }
+
+    /// Bound of |vertical velocity| at the vehicle, m/s.
+    pub fn maximum_vertical_mps(&self) -> f64 {
+        self.maximum_speed_mps() * (self.road.maximum_slope() + 1e-3)
+    }
+
+    /// Bounds (m) that the distance of two vehicles keeps at every common instant.
+    ///
+    /// With g the gap along the road and R the smallest radius, the chord of the centre line is at least
+    /// 2R·sin(g/2R) (Schur's comparison) and at most g; sideways offsets add at most 2·O, the slope at most its
+    /// secant.
+    pub fn distance_bounds_m(&self, a: usize, b: usize) -> (f64, f64) {
+        let ranks = a.abs_diff(b) as f64;
+        if ranks == 0.0 {
+            return (0.0, 0.0);
+        }
+        let ConvoyOptions { standstill_gap_m, headway_s, gap_variation_m, lateral_m } = self.options;
+        let varying = if a.min(b) == 0 { 1.0 } else { 2.0 } * gap_variation_m;
+        let lower = (ranks * standstill_gap_m - varying).max(0.0);
+        let upper = ranks * (standstill_gap_m + headway_s * self.profile.maximum_speed_mps()) + varying;
+        let radius = self.road.minimum_radius_m();
+        let chord = 2.0 * radius * (lower / (2.0 * radius)).min(TAU / 4.0).sin();
+        let minimum = (chord - 2.0 * lateral_m).max(0.0);
+        (minimum, upper.hypot(upper * self.road.maximum_slope()) + 2.0 * lateral_m)
+    }
+
+    /// Distance along the road (m) and its rate (m/s).
+    fn along(&self, vehicle: usize, time_s: f64) -> (f64, f64) {
+        let rank = vehicle as f64;
+        let lead = self.profile.at(time_s - rank * self.options.headway_s);
+        if vehicle == 0 {
+            return (lead.distance_m, lead.speed_mps);
+        }
+        let wave_number = TAU / VARIATION_PERIOD_M;
+        let (sin, cos) = (wave_number * lead.distance_m + 2.0 * rank).sin_cos();
+        let amplitude = self.options.gap_variation_m;
+        (
+            lead.distance_m - rank * self.options.standstill_gap_m + amplitude * sin,
+            lead.speed_mps * (1.0 + amplitude * wave_number * cos),
+        )
+    }
+}
+
+/// Local coordinates of a place to the right of the centre line by `offset` (m, and its change per metre of road), and
+/// their derivative by the road's length. The tangent plane is bent down to the curved Earth.
+fn place_beside(point: &RoadPoint, offset: (f64, f64)) -> (Enu, Enu) {
+    let (right, right_rate) = offset;
+    let (sin, cos) = point.heading_rad.sin_cos();
+    let east = point.east_m + right * cos;
+    let north = point.north_m - right * sin;
+    let forward = 1.0 - point.curvature_1pm * right;
+    let east_rate = forward * sin + right_rate * cos;
+    let north_rate = forward * cos - right_rate * sin;
+    let up = point.height_m - (east * east + north * north) / (2.0 * EARTH_RADIUS_M);
+    let up_rate = point.slope - (east * east_rate + north * north_rate) / EARTH_RADIUS_M;
+    (Enu { east, north, up }, Enu { east: east_rate, north: north_rate, up: up_rate })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn convoy() -> Convoy {
+        Convoy::new(Geodetic::from_degrees(48.0, 11.5, 500.0), ConvoyOptions::default())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2_000))]
+        #[test]
+        fn distances_vertical_speed_and_velocity_hold(vehicle in 0_usize..4, time_s in 0.0..3_000.0_f64) {
+            let convoy = convoy();
+            let state = convoy.state(vehicle, time_s);
+            for other in 0..4 {
+                let distance = convoy.state(other, time_s).position.distance_m(state.position);
+                let (minimum, maximum) = convoy.distance_bounds_m(vehicle, other);
+                prop_assert!((minimum..=maximum).contains(&distance), "{minimum} {distance} {maximum}");
+            }
+            let up = LocalFrame::at(state.position).vector_ecef_to_enu(state.velocity).up;
+            prop_assert!(up.abs() <= convoy.maximum_vertical_mps(), "{up}");
+            let h = 1e-3;
+            let before = convoy.state(vehicle, time_s - h).position;
+            let derivative = (convoy.state(vehicle, time_s + h).position - before).0 / (2.0 * h);
+            prop_assert!((derivative - state.velocity.0).norm() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn the_bounds_are_near_what_happens() {
+        let convoy = convoy();
+        let (mut smallest, mut largest) = (f64::INFINITY, 0.0_f64);
+        for second in 0..1_200 {
+            let (lead, next) = (convoy.state(0, f64::from(second)), convoy.state(1, f64::from(second)));
+            let distance = lead.position.distance_m(next.position);
+            (smallest, largest) = (smallest.min(distance), largest.max(distance));
+        }
+        let (minimum, maximum) = convoy.distance_bounds_m(0, 1);
+        assert!(
+            smallest - minimum < 2.5 && maximum - largest < 2.5,
+            "{minimum} {smallest} {largest} {maximum}"
+        );
+        assert!(convoy.maximum_vertical_mps() < 0.8);
+    }
+}

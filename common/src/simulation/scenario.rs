@@ -1,0 +1,187 @@
+//! What to simulate.
+
+use crate::frames::Geodetic;
+use crate::time::GpsTime;
+
+use super::convoy::ConvoyOptions;
+use super::environment::{Canyon, ErrorModel};
+use super::receiver::ClockOptions;
+
+/// Longest scenario, s (one day).
+const LONGEST_S: f64 = 86_400.0;
+/// Shortest interval between epochs, s.
+const SHORTEST_INTERVAL_S: f64 = 0.01;
+
+/// One phone, in a vehicle of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhoneOptions {
+    /// Its name.
+    pub name: String,
+    /// Time tags lie so much after the full interval, s, in [0, interval).
+    pub epoch_offset_s: f64,
+    /// The phone starts so long after the scenario, s.
+    pub starts_after_s: f64,
+    /// It stops so long before the scenario's end, s.
+    pub stops_before_s: f64,
+    /// Its antenna against an average one, dB.
+    pub antenna_db: f64,
+    /// Whether it tracks GPS L5 too.
+    pub dual_frequency: bool,
+    /// Its clock at its first epoch.
+    pub clock: ClockOptions,
+}
+
+impl PhoneOptions {
+    /// The phone of vehicle `rank` (0 leads): names, offsets, start and stop that differ from each other.
+    pub fn of_vehicle(rank: usize) -> Self {
+        const OFFSETS_S: [f64; 4] = [0.000_4, 0.200_3, 0.499_7, 0.750_1];
+        let turn = rank % OFFSETS_S.len();
+        let number = rank as f64;
+        let sign = if rank.is_multiple_of(2) { 1.0 } else { -1.0 };
+        Self {
+            name: format!("SIM{}", rank + 1),
+            epoch_offset_s: OFFSETS_S.get(turn).copied().unwrap_or(0.0),
+            starts_after_s: 3.0 * turn as f64,
+            stops_before_s: 4.0 * turn as f64,
+            antenna_db: -1.5 * turn as f64,
+            dual_frequency: rank.is_multiple_of(2),
+            clock: ClockOptions {
+                bias_s: sign * (1.0 + number) * 8e-7,
+                drift_sps: -sign * (2.0 + number) * 1.5e-9,
+            },
+        }
+    }
+}
+
+/// A simulated drive. [`Scenario::default`] is the demonstration: three phones, ten minutes at 1 Hz.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenario {
+    /// Everything random follows from it.
+    pub seed: u64,
+    /// First instant, GPS time.
+    pub start_gps: GpsTime,
+    /// Duration, s.
+    pub duration_s: f64,
+    /// Time between epochs, s.
+    pub interval_s: f64,
+    /// Where the road begins.
+    pub origin: Geodetic,
+    /// The phones in the order of the convoy; the first leads.
+    pub phones: Vec<PhoneOptions>,
+    /// How the vehicles keep their distance.
+    pub convoy: ConvoyOptions,
+    /// Stretches of the lap between houses.
+    pub canyons: Vec<Canyon>,
+    /// Sizes of the errors.
+    pub errors: ErrorModel,
+    /// Overrides `errors` by [`ErrorModel::none`]: clocks and delays remain, and the models remove the delays exactly.
+    pub noise_free: bool,
+}
+
+impl Default for Scenario {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            start_gps: GpsTime::from_week_tow(2409, 208_800.0),
+            duration_s: 600.0,
+            interval_s: 1.0,
+            origin: Geodetic::from_degrees(48.0, 11.5, 500.0),
+            phones: (0..3).map(PhoneOptions::of_vehicle).collect(),
+            convoy: ConvoyOptions::default(),
+            canyons: vec![Canyon { from_m: 2_100.0, to_m: 2_950.0, height_m: 14.0, half_width_m: 14.0 }],
+            errors: ErrorModel::default(),
+            noise_free: false,
+        }
+    }
+}
+
+/// Why a scenario cannot be simulated.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ScenarioError {
+    /// A number is outside its range.
+    #[error("{name} is {value}; it must lie in [{minimum}, {maximum}]")]
+    OutOfRange {
+        /// Which.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// Smallest value.
+        minimum: f64,
+        /// Largest value.
+        maximum: f64,
+    },
+    /// There is no phone.
+    #[error("the scenario has no phones; give it at least one")]
+    NoPhones,
+    /// Two phones have one name.
+    #[error("two phones are called '{0}'; names must differ")]
+    DuplicateName(String),
+}
+
+impl Scenario {
+    /// The errors in force.
+    pub fn error_model(&self) -> ErrorModel {
+        if self.noise_free { ErrorModel::none() } else { self.errors }
+    }
+
+    /// Last instant, GPS time.
+    pub fn end_gps(&self) -> GpsTime {
+        self.start_gps + self.duration_s
+    }
+
+    /// Checks what the generator relies on.
+    ///
+    /// # Errors
+    ///
+    /// The first field that is outside its range.
+    pub fn validate(&self) -> Result<(), ScenarioError> {
+        within("duration_s", self.duration_s, 1.0, LONGEST_S)?;
+        within("interval_s", self.interval_s, SHORTEST_INTERVAL_S, self.duration_s)?;
+        within("latitude_rad", self.origin.latitude_rad, -1.5, 1.5)?;
+        within("longitude_rad", self.origin.longitude_rad, -3.15, 3.15)?;
+        within("height_m", self.origin.height_m, -500.0, 9_000.0)?;
+        within("standstill_gap_m", self.convoy.standstill_gap_m, 0.0, 1_000.0)?;
+        within("headway_s", self.convoy.headway_s, 0.0, 60.0)?;
+        within("gap_variation_m", self.convoy.gap_variation_m, 0.0, 10.0)?;
+        within("lateral_m", self.convoy.lateral_m, 0.0, 10.0)?;
+        within("multipath_correlation_s", self.error_model().multipath_correlation_s, 1e-3, LONGEST_S)?;
+        if self.phones.is_empty() {
+            return Err(ScenarioError::NoPhones);
+        }
+        for (index, phone) in self.phones.iter().enumerate() {
+            if self.phones.iter().take(index).any(|other| other.name == phone.name) {
+                return Err(ScenarioError::DuplicateName(phone.name.clone()));
+            }
+            within("epoch_offset_s", phone.epoch_offset_s, 0.0, self.interval_s)?;
+            within("starts_after_s", phone.starts_after_s, 0.0, self.duration_s)?;
+            within("stops_before_s", phone.stops_before_s, 0.0, self.duration_s)?;
+            within("clock.bias_s", phone.clock.bias_s, -1e-2, 1e-2)?;
+            within("clock.drift_sps", phone.clock.drift_sps, -1e-5, 1e-5)?;
+        }
+        Ok(())
+    }
+}
+
+fn within(name: &'static str, value: f64, minimum: f64, maximum: f64) -> Result<(), ScenarioError> {
+    if (minimum..=maximum).contains(&value) {
+        Ok(())
+    } else {
+        Err(ScenarioError::OutOfRange { name, value, minimum, maximum })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn absurd_scenarios_are_refused_with_the_field_named() {
+        assert_eq!(Scenario::default().validate(), Ok(()));
+        let text = |scenario: Scenario| scenario.validate().unwrap_err().to_string();
+        assert!(text(Scenario { duration_s: f64::NAN, ..Scenario::default() }).contains("duration_s"));
+        assert!(text(Scenario { interval_s: 0.0, ..Scenario::default() }).contains("interval_s is 0"));
+        assert!(text(Scenario { phones: Vec::new(), ..Scenario::default() }).contains("no phones"));
+        let twice = vec![PhoneOptions::of_vehicle(1), PhoneOptions::of_vehicle(1)];
+        assert!(text(Scenario { phones: twice, ..Scenario::default() }).contains("SIM2"));
+    }
+}

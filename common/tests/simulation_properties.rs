@@ -1,0 +1,306 @@
+//! Properties of the simulated convoy that hold for any seed, seen from outside.
+
+#![allow(clippy::unwrap_used)] // a test may
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use cofix_common::atmosphere::{
+    STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
+};
+use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
+use cofix_common::constraint::Constraint;
+use cofix_common::frames::LocalFrame;
+use cofix_common::gnss::{ClockGroup, Constellation, Observation, SatelliteId, SignalCode};
+use cofix_common::orbit::Products;
+use cofix_common::simulation::{InterSystemBiases, PhoneOptions, Scenario, SimulatedEpoch, Simulation};
+use cofix_common::time::GpsTime;
+use nalgebra::{Rotation3, Vector3};
+
+fn simulation(scenario: Scenario) -> Simulation {
+    Simulation::new(scenario).unwrap()
+}
+
+fn epochs(simulation: &Simulation, phone: usize) -> Vec<SimulatedEpoch> {
+    simulation.epochs(phone).collect()
+}
+
+fn short(seed: u64) -> Scenario {
+    Scenario { seed, duration_s: 60.0, ..Scenario::default() }
+}
+
+fn satellites(epoch: &SimulatedEpoch) -> BTreeSet<SatelliteId> {
+    epoch.epoch.observations.iter().map(|observation| observation.satellite).collect()
+}
+
+#[test]
+fn one_seed_gives_one_result_and_another_seed_another() {
+    let first = epochs(&simulation(short(7)), 1);
+    assert_eq!(first, epochs(&simulation(short(7)), 1));
+    assert_ne!(first, epochs(&simulation(short(8)), 1));
+}
+
+#[test]
+fn the_order_of_phones_does_not_matter() {
+    let simulation = simulation(short(7));
+    let forward: Vec<_> = (0..3).map(|phone| epochs(&simulation, phone)).collect();
+    let backward: Vec<_> = (0..3).rev().map(|phone| epochs(&simulation, phone)).rev().collect();
+    assert_eq!(forward, backward);
+    let mut iterators: Vec<_> = (0..3).map(|phone| simulation.epochs(phone)).collect();
+    for index in 0..40 {
+        for (phone, iterator) in iterators.iter_mut().enumerate() {
+            assert_eq!(iterator.next().as_ref(), forward[phone].get(index));
+        }
+    }
+}
+
+#[test]
+fn what_blocks_one_satellite_changes_nothing_for_others() {
+    let open = simulation(Scenario { canyons: Vec::new(), ..Scenario::default() });
+    let street = simulation(Scenario::default());
+    let (mut compared, mut in_canyon) = (0, 0);
+    for (with, without) in street.epochs(0).zip(open.epochs(0)) {
+        if with.in_canyon {
+            in_canyon += 1;
+        } else if in_canyon == 0 {
+            compared += 1;
+            assert_eq!(with, without);
+        }
+        assert!(satellites(&with).is_subset(&satellites(&without)));
+    }
+    assert!(compared > 100 && in_canyon > 30, "{compared} {in_canyon}");
+}
+
+#[test]
+fn tags_differ_between_phones_and_truth_is_at_reception() {
+    let simulation = simulation(Scenario::default());
+    let start = simulation.scenario().start_gps;
+    let phones: Vec<_> = (0..3).map(|phone| epochs(&simulation, phone)).collect();
+    let first: Vec<f64> = phones.iter().map(|epochs| epochs[0].epoch.time_gps - start).collect();
+    assert!(first[0] > 0.0 && first[0] < 1e-3, "{first:?}");
+    assert!((first[1].fract() - 0.2).abs() < 0.01 && (first[2].fract() - 0.5).abs() < 0.01, "{first:?}");
+    let last: Vec<f64> = phones.iter().map(|e| (e[e.len() - 1].epoch.time_gps - start).floor()).collect();
+    assert_eq!(first.iter().map(|s| s.floor()).collect::<Vec<_>>(), [0.0, 3.0, 6.0]);
+    assert!(last[0] > last[1] && last[1] > last[2] && last[2] > 580.0, "{last:?}");
+    for (phone, epochs) in phones.iter().enumerate() {
+        for simulated in epochs {
+            let bias_s = simulated.epoch.time_gps - simulated.truth.time_gps;
+            assert!((bias_s - simulated.clock.bias_s).abs() < 2e-9 && bias_s.abs() < 5e-5);
+            let truth = simulation.truth_at(phone, simulated.truth.time_gps);
+            assert!(truth.position.distance_m(simulated.truth.position) < 1e-6);
+        }
+    }
+    assert_eq!(simulation.truth_table(0).len(), 601);
+}
+
+#[test]
+fn the_truth_keeps_the_constraints() {
+    let phones = (0..4).map(PhoneOptions::of_vehicle).collect();
+    let simulation = simulation(Scenario { phones, duration_s: 900.0, ..Scenario::default() });
+    let constraints =
+        [simulation.distance_constraints(), simulation.vertical_velocity_constraints()].concat();
+    assert_eq!(constraints.len(), 6 + 4);
+    let tables: Vec<_> = (0..4).map(|phone| simulation.truth_table(phone)).collect();
+    for second in 0..=900 {
+        let truth: Vec<_> = tables.iter().map(|table| table[second]).collect();
+        for constraint in &constraints {
+            match *constraint {
+                Constraint::Distance { phones: (a, b), minimum_m, maximum_m } => {
+                    let distance = truth[a].position.distance_m(truth[b].position);
+                    assert!(
+                        (minimum_m..=maximum_m).contains(&distance),
+                        "{second} s: {distance} {constraint:?}"
+                    );
+                }
+                Constraint::VerticalVelocity { phone, maximum_mps } => {
+                    let frame = LocalFrame::at(truth[phone].position);
+                    let up = frame.vector_ecef_to_enu(truth[phone].velocity).up;
+                    assert!(up.abs() <= maximum_mps && maximum_mps < 0.8, "{second} s: {up}");
+                }
+                Constraint::Heading { .. } => panic!("not asked for"),
+            }
+        }
+    }
+}
+
+#[test]
+fn the_sky_is_full_in_the_open_and_narrow_in_the_canyon() {
+    for seed in [1, 2, 3] {
+        let simulation = simulation(Scenario { seed, ..Scenario::default() });
+        let (mut open, mut canyon) = (Vec::new(), Vec::new());
+        for simulated in simulation.epochs(0) {
+            let seen = satellites(&simulated);
+            let systems: BTreeSet<Constellation> = seen.iter().map(|s| s.constellation).collect();
+            if simulated.in_canyon {
+                canyon.push(seen.len());
+            } else {
+                assert!(seen.len() >= 15 && systems.len() == 3, "{} of {systems:?}", seen.len());
+                open.push(seen.len());
+            }
+        }
+        let mean = |counts: &[usize]| counts.iter().sum::<usize>() as f64 / counts.len() as f64;
+        assert!(canyon.len() > 40, "{}", canyon.len());
+        assert!(mean(&canyon) < 0.7 * mean(&open), "{} {}", mean(&canyon), mean(&open));
+        assert!(canyon.iter().min() >= Some(&5), "{canyon:?}");
+    }
+}
+
+#[test]
+fn faults_begin_at_about_the_rate_asked() {
+    let simulation = simulation(Scenario::default());
+    let errors = simulation.scenario().errors;
+    let (mut beginnings, mut expected) = (0, 0.0);
+    for phone in 0..3 {
+        let mut before = BTreeMap::new();
+        for simulated in simulation.epochs(phone) {
+            let now: BTreeMap<_, _> = simulated.faults.iter().map(|f| (f.satellite, f.error_m)).collect();
+            assert!(now.keys().all(|satellite| satellites(&simulated).contains(satellite)));
+            beginnings += now.iter().filter(|(s, error)| before.get(*s) != Some(*error)).count();
+            let rate = if simulated.in_canyon { errors.outliers_canyon_hz } else { errors.outliers_open_hz };
+            expected += rate * (satellites(&simulated).len() - now.len()) as f64;
+            before = now;
+        }
+    }
+    let ratio = beginnings as f64 / expected;
+    assert!((0.5..2.0).contains(&ratio), "{beginnings} faults, {expected} expected");
+}
+
+/// What a receiver makes of a noise-free observation with the broadcast messages and the true position.
+struct Corrected {
+    satellite: SatelliteId,
+    signal: SignalCode,
+    /// P − I − T − c·TGD, m.
+    without_delays_m: f64,
+    /// P_c − range − receiver clock and bias, m.
+    residual_m: f64,
+    /// −λD without the receiver's drift, m/s.
+    without_drift_mps: f64,
+    /// Range rate − (v_s − v_k)·u − receiver clock drift, m/s.
+    rate_residual_mps: f64,
+}
+
+/// Corrects by the book: t_tx = tag − P/c − dT_s, and the Sagnac term ω·(x_s·y_k − y_s·x_k)/c.
+fn correct(
+    simulation: &Simulation,
+    products: &Products,
+    biases: &InterSystemBiases,
+    simulated: &SimulatedEpoch,
+) -> Vec<Corrected> {
+    let c = SPEED_OF_LIGHT_MPS;
+    let (truth, tag) = (simulated.truth, simulated.epoch.time_gps);
+    let frame = LocalFrame::at(truth.position);
+    let one = |observation: &Observation| {
+        let (satellite, signal) = (observation.satellite, observation.signal);
+        let pseudorange = observation.pseudorange_m.unwrap();
+        let mut clock_s = 0.0;
+        for _ in 0..2 {
+            clock_s = products.satellite_state(satellite, tag - pseudorange / c - clock_s).unwrap().clock_s;
+        }
+        let state = products.satellite_state(satellite, tag - pseudorange / c - clock_s).unwrap();
+        let (s, k) = (state.position.0, truth.position.0);
+        let range = (s - k).norm() + EARTH_ROTATION_RADPS * (s.x * k.y - s.y * k.x) / c;
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), -EARTH_ROTATION_RADPS * range / c);
+        let unit = (turn * s - k).normalize();
+        let direction = frame.direction(&unit);
+        let wavelength = signal.wavelength_m(satellite.constellation, None).unwrap();
+        let ionosphere = klobuchar_delay_l1_m(simulation.klobuchar(), frame.geodetic(), direction, tag);
+        let troposphere = saastamoinen_delay_m(frame.geodetic(), direction, STANDARD_RELATIVE_HUMIDITY);
+        // GPS L5 has no delay in the message, and without errors none in truth
+        let group_delay =
+            products.group_delay_correction_m(satellite, signal, state.clock_reference, tag).unwrap_or(0.0);
+        let group = ClockGroup { constellation: satellite.constellation, band: signal.band };
+        let receiver_clock = c * (simulated.clock.bias_s + biases.of(group));
+        let without_delays_m =
+            pseudorange - scale_from_l1(ionosphere, c / wavelength) - troposphere + group_delay;
+        let without_drift_mps = -wavelength * observation.doppler_hz.unwrap() - c * simulated.clock.drift_sps;
+        let apparent = unit.dot(&(turn * state.velocity.0 - truth.velocity.0));
+        Corrected {
+            satellite,
+            signal,
+            without_delays_m: without_delays_m - c * simulated.clock.bias_s,
+            residual_m: without_delays_m + c * clock_s - range - receiver_clock,
+            without_drift_mps,
+            rate_residual_mps: without_drift_mps + c * state.clock_drift_sps - apparent,
+        }
+    };
+    simulated.epoch.observations.iter().map(one).collect()
+}
+
+#[test]
+fn without_errors_the_corrected_observations_fit_the_truth() {
+    let simulation = simulation(Scenario { noise_free: true, ..Scenario::default() });
+    let products = simulation.products();
+    let (mut worst_m, mut worst_mps, mut signals) = (0.0_f64, 0.0_f64, BTreeSet::new());
+    for phone in 0..3 {
+        let epochs = simulation.phone(phone).unwrap();
+        let biases = *epochs.inter_system_biases();
+        for simulated in epochs {
+            assert!(simulated.faults.is_empty());
+            for corrected in correct(&simulation, &products, &biases, &simulated) {
+                worst_m = worst_m.max(corrected.residual_m.abs());
+                worst_mps = worst_mps.max(corrected.rate_residual_mps.abs());
+                signals.insert((corrected.satellite.constellation, corrected.signal));
+            }
+        }
+    }
+    println!("worst residuals {worst_m:.5} m, {worst_mps:.5} m/s");
+    assert!(worst_m < 0.01 && worst_mps < 0.01, "{worst_m} m, {worst_mps} m/s");
+    assert_eq!(signals.len(), 4, "{signals:?}");
+}
+
+#[test]
+fn doppler_is_the_derivative_of_the_pseudorange() {
+    let simulation = simulation(Scenario {
+        noise_free: true,
+        interval_s: 0.1,
+        duration_s: 40.0,
+        phones: vec![PhoneOptions::of_vehicle(0)],
+        ..Scenario::default()
+    });
+    let products = simulation.products();
+    let epochs = simulation.phone(0).unwrap();
+    let biases = *epochs.inter_system_biases();
+    let corrected: Vec<_> =
+        epochs.map(|simulated| correct(&simulation, &products, &biases, &simulated)).collect();
+    let mut compared = 0;
+    for three in corrected.windows(3) {
+        for middle in &three[1] {
+            let same = |epoch: &Vec<Corrected>| {
+                let found = |o: &&Corrected| (o.satellite, o.signal) == (middle.satellite, middle.signal);
+                epoch.iter().find(found).map(|o| o.without_delays_m)
+            };
+            let (Some(before), Some(after)) = (same(&three[0]), same(&three[2])) else { continue };
+            let derivative = (after - before) / 0.2;
+            assert!(
+                (derivative - middle.without_drift_mps).abs() < 0.006,
+                "{derivative} {}",
+                middle.without_drift_mps
+            );
+            compared += 1;
+        }
+    }
+    assert!(compared > 5_000, "{compared}");
+}
+
+#[test]
+fn a_long_drive_over_the_end_of_a_week_fits_too() {
+    let simulation = simulation(Scenario {
+        noise_free: true,
+        start_gps: GpsTime::from_week_tow(2409, 604_800.0 - 5_000.0),
+        duration_s: 18_000.0,
+        interval_s: 100.0,
+        phones: vec![PhoneOptions::of_vehicle(0)],
+        ..Scenario::default()
+    });
+    let products = simulation.products();
+    let epochs = simulation.phone(0).unwrap();
+    let biases = *epochs.inter_system_biases();
+    let (mut worst_m, mut count) = (0.0_f64, 0);
+    for simulated in epochs {
+        let corrected = correct(&simulation, &products, &biases, &simulated);
+        assert_eq!(corrected.len(), simulated.epoch.observations.len());
+        worst_m = corrected.iter().map(|one| one.residual_m.abs()).fold(worst_m, f64::max);
+        count += 1;
+    }
+    assert!(worst_m < 0.01, "{worst_m}");
+    assert_eq!(count, 180);
+}
