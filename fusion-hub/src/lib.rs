@@ -2,4 +2,5 @@
 
 pub mod align;
 pub mod engine;
+pub mod recorder;
 pub mod session;

@@ -1,0 +1,229 @@
+//! Recordings of a session for the Rerun viewer: one `.rrd` file with all data and its layout.
+//!
+//! # Contents
+//!
+//! The timeline is `gps_time` (GPS time shown as if it were UTC). Everything of a phone's own epoch is at the
+//! receive time of its message, everything after fusion at the common time of the group; errors are against
+//! the truth at the same instant. `<method>` is `wls`, `local`, `joint` or `truth`.
+//!
+//! | entity | content |
+//! |---|---|
+//! | `/phones/<phone>/map/<method>` | `GeoPoints`, one position per epoch |
+//! | `/phones/<phone>/map/<method>/track` | `GeoLineStrings`, the whole track, static |
+//! | `/phones/<phone>/enu/<method>` | `Points3D`, m east, north, up of the group's first fix |
+//! | `/phones/<phone>/enu/<method>/sigma` | `Ellipsoids3D`, the 1σ surface of the position's covariance |
+//! | `/phones/<phone>/enu/<method>/track` | `LineStrips3D`, the whole track, static |
+//! | `/phones/<phone>/error/horizontal/<method>` | `Scalars`, m, ≥ 0 |
+//! | `/phones/<phone>/error/vertical/<method>` | `Scalars`, m, positive up |
+//! | `/phones/<phone>/satellites/cn0/<G07 1C>` | `Scalars`, dB-Hz |
+//! | `/phones/<phone>/satellites/residual/<G07 1C>` | `Scalars`, m, observed − computed of the epoch-wise solution |
+//! | `/phones/<phone>/satellites/used/<G07 1C>` | `Scalars`, 1 used, 0 excluded by RAIM |
+//! | `/phones/<phone>/quality/satellites` | `Scalars`, satellites used |
+//! | `/phones/<phone>/quality/pdop` | `Scalars` |
+//! | `/phones/<phone>/raim` | `TextLog`, verdicts that changed or are not reliable |
+//! | `/constraints/<constraint>/shift` | `Scalars`, m, only where the constraint acted |
+//! | `/constraints/<constraint>/log` | `TextLog`, before → after |
+//! | `/distances/<a>–<b>/distance`, `…/sigma` | `Scalars`, m |
+//! | `/distances/<a>–<b>/minimum`, `…/maximum` | `Scalars`, m; no maximum when it is infinite |
+//! | `/focus` | `Boxes3D`, invisible: around the group, what the eye of the 3D view follows |
+//! | `/accuracy` | `TextDocument`, the accuracy table in Markdown, static |
+//!
+//! Where a value ends (a phone without an epoch, a satellite that sets), one empty row follows, so that the
+//! viewer does not hold the old value. Values that are not finite are not recorded but counted.
+//!
+//! # Size
+//!
+//! Rows are collected and written as columns, a few hundred epochs at a time; whole tracks once, at the end.
+//! Logging row by row is several times as large, re-logging a growing track quadratic.
+
+mod blueprint;
+mod entity;
+mod focus;
+mod group;
+mod layout;
+mod phone;
+mod rows;
+mod rrd;
+mod series;
+mod signals;
+mod track;
+
+use std::path::Path;
+
+use cofix_common::frames::{Ecef, LocalFrame};
+use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+use rerun::{RecordingInfo, TextDocument, components::MediaType};
+
+use self::entity::palette;
+use self::focus::Focus;
+use self::group::GroupRecorder;
+use self::phone::{Epoch, PhoneRecorder, recordable};
+use self::rrd::RrdFile;
+pub use self::rrd::{APPLICATION_ID, RecorderError, TIMELINE};
+use crate::engine::{FusedEpoch, FusedPhone};
+
+/// Epochs between two writes. A crash loses at most these; fewer make a larger file.
+const EPOCHS_PER_SEGMENT: usize = 512;
+
+/// What a recording must know before its first epoch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecorderConfig {
+    /// The group's name.
+    pub group: String,
+    /// The phones' names in the group's order.
+    pub phones: Vec<String>,
+}
+
+/// Where a phone truly was; `None` without truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reference {
+    /// At the receive time of the phone's message: scores the agent's estimates.
+    pub at_message: Option<Ecef>,
+    /// At the common time of the epoch: scores the hub's estimate, and is drawn.
+    pub at_epoch: Option<Ecef>,
+}
+
+/// What a finished recording amounts to.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// Epochs of the group.
+    pub epochs: usize,
+    /// Size of the file, bytes.
+    pub bytes: u64,
+    /// What was not recorded.
+    pub skips: Skips,
+}
+
+/// Writes one recording. Without [`Recorder::finish`] the file lacks its last epochs, whole tracks and layout.
+pub struct Recorder {
+    file: RrdFile,
+    config: RecorderConfig,
+    phones: Vec<PhoneRecorder>,
+    group: GroupRecorder,
+    focus: Focus,
+    frame: Option<LocalFrame>,
+    span_ns: Option<(i64, i64)>,
+    epochs: usize,
+    skips: Skips,
+}
+
+impl Reference {
+    /// Looks the truth of one phone up at both times of an epoch.
+    pub fn look_up(epoch: &FusedEpoch, phone: usize, truth: impl Fn(GpsTime) -> Option<Ecef>) -> Self {
+        let message = epoch.phones.get(phone).and_then(|p| p.message.as_ref());
+        Self { at_message: message.and_then(|m| truth(m.time_gps)), at_epoch: truth(epoch.time_gps) }
+    }
+}
+
+impl Recorder {
+    /// Creates the file; one that is there is replaced.
+    ///
+    /// # Errors
+    /// When the file cannot be created or written.
+    pub fn to_file(path: &Path, config: &RecorderConfig) -> Result<Self, RecorderError> {
+        let mut file = RrdFile::create(path)?;
+        file.write_static(
+            &rerun::EntityPath::properties(),
+            &RecordingInfo::new().with_name(config.group.as_str()),
+        )?;
+        let phones: Vec<_> = config
+            .phones
+            .iter()
+            .enumerate()
+            .map(|(index, name)| PhoneRecorder::new(name, palette(index)))
+            .collect();
+        phones.iter().try_for_each(|phone| phone.write_style(&mut file))?;
+        Focus::write_style(&mut file)?;
+        Ok(Self {
+            file,
+            config: config.clone(),
+            phones,
+            group: GroupRecorder::new(&config.phones),
+            focus: Focus::default(),
+            frame: None,
+            span_ns: None,
+            epochs: 0,
+            skips: Skips::default(),
+        })
+    }
+
+    /// Adds an epoch. `truth` has one entry per phone in the group's order; missing ones mean no truth.
+    ///
+    /// # Errors
+    /// When the file cannot be written. The recording is then incomplete; the epoch is lost.
+    pub fn record(&mut self, epoch: &FusedEpoch, truth: &[Reference]) -> Result<(), RecorderError> {
+        let Some(time_ns) = recordable(epoch.time_gps) else {
+            self.skips
+                .add("epoch outside 1980-2233: not recorded", || format!("{} ns", epoch.time_gps.nanos()));
+            return Ok(());
+        };
+        let frame = self.local_frame(epoch, truth);
+        for (index, (recorder, phone)) in self.phones.iter_mut().zip(&epoch.phones).enumerate() {
+            let message_time = phone.message.as_ref().map_or(epoch.time_gps, |m| m.time_gps);
+            let Some(message_time_ns) = recordable(message_time) else {
+                self.skips.add("message outside 1980-2233: not recorded", || {
+                    format!("phone {index}: {} ns", message_time.nanos())
+                });
+                continue;
+            };
+            let at = Epoch { frame: &frame, time_ns, message_time_ns };
+            let reference = truth.get(index).copied().unwrap_or_default();
+            recorder.push(at, phone, reference, &mut self.skips);
+        }
+        self.focus.push(time_ns, &frame, &epoch.phones);
+        self.group.push_actions(time_ns, &epoch.actions, &mut self.skips);
+        self.group.push_distances(time_ns, &epoch.distances, &mut self.skips);
+        let (first, last) = self.span_ns.unwrap_or((time_ns, time_ns));
+        self.span_ns = Some((first.min(time_ns), last.max(time_ns)));
+        self.epochs += 1;
+        if self.epochs.is_multiple_of(EPOCHS_PER_SEGMENT) { self.write_segment() } else { Ok(()) }
+    }
+
+    /// What was not recorded so far.
+    pub fn skips(&self) -> &Skips {
+        &self.skips
+    }
+
+    /// Writes what is left, the whole tracks, the accuracy table (Markdown) and the layout; ends the file.
+    ///
+    /// # Errors
+    /// When the file cannot be written to its end.
+    pub fn finish(mut self, accuracy: &str) -> Result<Recorded, RecorderError> {
+        self.write_segment()?;
+        self.phones.iter().try_for_each(|phone| phone.write_lines(&mut self.file))?;
+        let table = TextDocument::new(accuracy).with_media_type(MediaType::MARKDOWN);
+        self.file.write_static(&entity::path(["accuracy"]), &table)?;
+        self.file.write_blueprint(&layout::layout(&self.config.phones, &self.group.pairs(), self.span_ns))?;
+        let bytes = self.file.finish()?;
+        Ok(Recorded { epochs: self.epochs, bytes, skips: self.skips })
+    }
+
+    fn write_segment(&mut self) -> Result<(), RecorderError> {
+        self.phones.iter_mut().try_for_each(|phone| phone.write_segment(&mut self.file))?;
+        self.focus.write_segment(&mut self.file)?;
+        self.group.write_segment(&mut self.file)
+    }
+
+    /// The local frame: at the first fix of the group.
+    fn local_frame(&mut self, epoch: &FusedEpoch, truth: &[Reference]) -> LocalFrame {
+        if self.frame.is_none() {
+            let truth = truth.iter().find_map(|t| t.at_epoch.filter(|p| p.is_finite()));
+            self.frame = epoch.phones.iter().find_map(first_fix).or(truth).map(LocalFrame::at);
+        }
+        // Without a position there is nothing to draw, so any frame will do.
+        self.frame.unwrap_or_else(|| LocalFrame::at(Ecef::new(6_378_137.0, 0.0, 0.0)))
+    }
+}
+
+fn first_fix(phone: &FusedPhone) -> Option<Ecef> {
+    let message = phone.message.as_ref();
+    [
+        phone.state.as_ref().map(|s| s.position()),
+        message.and_then(|m| m.local.as_ref()).map(|s| s.position()),
+        message.and_then(|m| m.wls.as_ref()).map(|s| s.position),
+    ]
+    .into_iter()
+    .flatten()
+    .find(|position| position.is_finite())
+}

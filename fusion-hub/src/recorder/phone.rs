@@ -1,0 +1,239 @@
+//! All that is recorded of one phone.
+
+use cofix_common::frames::{Ecef, LocalFrame};
+use cofix_common::gnss::SatelliteId;
+use cofix_common::integrity::{Cause, RaimReport, Verdict};
+use cofix_common::measurement::Usage;
+use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+use cofix_common::wire::EpochMessage;
+use nalgebra::Matrix3;
+use rerun::{Color, TextLogLevel};
+
+use super::Reference;
+use super::entity::{Method, phone_path};
+use super::rrd::{RecorderError, RrdFile};
+use super::series::{LogLines, NOT_FINITE, Series, Style};
+use super::signals::Signals;
+use super::track::{Ellipsoid, Track, ellipsoid};
+use crate::engine::FusedPhone;
+
+/// What a phone's epoch is recorded at.
+#[derive(Clone, Copy)]
+pub(super) struct Epoch<'a> {
+    /// Local frame of the recording.
+    pub frame: &'a LocalFrame,
+    /// The common time.
+    pub time_ns: i64,
+    /// The receive time of the phone's message, or the common time without one.
+    pub message_time_ns: i64,
+}
+
+/// A position with its covariance, ECEF.
+struct Estimate {
+    position: Ecef,
+    covariance_m2: Matrix3<f64>,
+}
+
+/// Errors of one method.
+#[derive(Debug)]
+struct Errors {
+    horizontal: Series,
+    vertical: Series,
+}
+
+/// One phone's part of a recording.
+#[derive(Debug)]
+pub(super) struct PhoneRecorder {
+    name: String,
+    tracks: [Track; 4],
+    errors: [Errors; 3],
+    satellites: Series,
+    pdop: Series,
+    signals: Signals,
+    raim: LogLines,
+    last_verdict: Option<Verdict>,
+}
+
+impl PhoneRecorder {
+    /// `colour` is for plots that show all phones.
+    pub fn new(name: &str, colour: Color) -> Self {
+        let quality = |what: &str| {
+            let style = Style::Line { name: name.to_owned(), colour, width: 1.5 };
+            Series::new(phone_path(name, ["quality", what]), style)
+        };
+        Self {
+            name: name.to_owned(),
+            tracks: Method::ALL.map(|method| Track::new(name, method)),
+            errors: Method::SCORED.map(|method| Errors::new(name, method)),
+            satellites: quality("satellites"),
+            pdop: quality("pdop"),
+            signals: Signals::new(name),
+            raim: LogLines::new(phone_path(name, ["raim"])),
+            last_verdict: None,
+        }
+    }
+
+    /// Writes what holds always.
+    pub fn write_style(&self, file: &mut RrdFile) -> Result<(), RecorderError> {
+        self.tracks.iter().try_for_each(|track| track.write_style(file))
+    }
+
+    /// Adds an epoch.
+    pub fn push(&mut self, epoch: Epoch<'_>, phone: &FusedPhone, reference: Reference, skips: &mut Skips) {
+        let message = phone.message.as_ref();
+        let estimates = [
+            message.and_then(|m| m.wls.as_ref()).map(|s| (s.position, s.position_covariance)),
+            message.and_then(|m| m.local.as_ref()).map(|s| (s.position(), position_covariance(s))),
+            phone.state.as_ref().map(|s| (s.position(), position_covariance(s))),
+        ];
+        for (index, estimate) in estimates.into_iter().enumerate() {
+            let estimate = estimate.map(|(position, covariance_m2)| Estimate { position, covariance_m2 });
+            self.push_estimate(epoch, index, estimate, reference, skips);
+        }
+        let truth = self.finite(reference.at_epoch, Method::Truth, epoch.time_ns, skips);
+        if let Some(track) = self.tracks.last_mut() {
+            track.push(epoch.time_ns, epoch.frame, truth, None);
+        }
+        self.push_message(epoch.message_time_ns, message, skips);
+    }
+
+    fn push_estimate(
+        &mut self,
+        epoch: Epoch<'_>,
+        index: usize,
+        estimate: Option<Estimate>,
+        reference: Reference,
+        skips: &mut Skips,
+    ) {
+        let Some(&method) = Method::SCORED.get(index) else { return };
+        let (time_ns, truth) = match method {
+            Method::Joint | Method::Truth => (epoch.time_ns, reference.at_epoch),
+            Method::Wls | Method::Local => (epoch.message_time_ns, reference.at_message),
+        };
+        let position = self.finite(estimate.as_ref().map(|e| e.position), method, time_ns, skips);
+        let sigma = position.and(estimate).and_then(|e| self.sigma(epoch, method, &e, skips));
+        let error = position.zip(truth.filter(|t| t.is_finite())).map(|(position, truth)| {
+            let error = LocalFrame::at(truth).ecef_to_enu(position);
+            (error.horizontal(), error.up)
+        });
+        if let Some(errors) = self.errors.get_mut(index) {
+            errors.horizontal.push(time_ns, error.map(|e| e.0), skips);
+            errors.vertical.push(time_ns, error.map(|e| e.1), skips);
+        }
+        if let Some(track) = self.tracks.get_mut(index) {
+            track.push(time_ns, epoch.frame, position, sigma);
+        }
+    }
+
+    fn push_message(&mut self, time_ns: i64, message: Option<&EpochMessage>, skips: &mut Skips) {
+        let observations = message.map_or(&[][..], |m| &m.observations);
+        self.signals.push(time_ns, observations, skips);
+        let mut used: Vec<SatelliteId> =
+            observations.iter().filter(|o| o.usage == Usage::Used).map(|o| o.satellite).collect();
+        used.sort_unstable();
+        used.dedup();
+        self.satellites.push(time_ns, message.map(|_| used.len() as f64), skips);
+        self.pdop.push(time_ns, message.and_then(|m| m.wls.as_ref()).map(|s| s.dops.pdop), skips);
+        let Some(raim) = message.map(|m| m.raim) else { return };
+        if raim.verdict != Verdict::Reliable || self.last_verdict != Some(raim.verdict) {
+            self.raim.push(time_ns, level(raim.verdict), &describe(&self.name, &raim));
+        }
+        self.last_verdict = Some(raim.verdict);
+    }
+
+    /// Writes the rows since the last call.
+    pub fn write_segment(&mut self, file: &mut RrdFile) -> Result<(), RecorderError> {
+        self.tracks.iter_mut().try_for_each(|track| track.write_segment(file))?;
+        for errors in &mut self.errors {
+            errors.horizontal.write_segment(file)?;
+            errors.vertical.write_segment(file)?;
+        }
+        self.satellites.write_segment(file)?;
+        self.pdop.write_segment(file)?;
+        self.raim.write_segment(file)?;
+        self.signals.write_segment(file)
+    }
+
+    /// Writes the whole tracks.
+    pub fn write_lines(&self, file: &mut RrdFile) -> Result<(), RecorderError> {
+        self.tracks.iter().try_for_each(|track| track.write_lines(file))
+    }
+
+    fn finite(
+        &self,
+        position: Option<Ecef>,
+        method: Method,
+        time_ns: i64,
+        skips: &mut Skips,
+    ) -> Option<Ecef> {
+        let position = position?;
+        if !position.is_finite() {
+            let name = method.name();
+            skips
+                .add(NOT_FINITE, || format!("{} {name} position at {time_ns} ns: {}", self.name, position.0));
+            return None;
+        }
+        Some(position)
+    }
+
+    fn sigma(
+        &self,
+        epoch: Epoch<'_>,
+        method: Method,
+        estimate: &Estimate,
+        skips: &mut Skips,
+    ) -> Option<Ellipsoid> {
+        let sigma = ellipsoid(epoch.frame, &estimate.covariance_m2);
+        if sigma.is_none() {
+            let (name, time_ns) = (method.name(), epoch.time_ns);
+            skips.add("covariance not finite or not positive: ellipsoid not recorded", || {
+                format!("{} {name} at {time_ns} ns: {}", self.name, estimate.covariance_m2)
+            });
+        }
+        sigma
+    }
+}
+
+impl Errors {
+    fn new(phone: &str, method: Method) -> Self {
+        let series = |direction: &str| {
+            let (colour, width) = (method.colour(), method.width());
+            let style = Style::Line { name: format!("{phone} {}", method.name()), colour, width };
+            Series::new(phone_path(phone, ["error", direction, method.name()]), style)
+        };
+        Self { horizontal: series("horizontal"), vertical: series("vertical") }
+    }
+}
+
+fn position_covariance(state: &cofix_common::filter::PhoneState) -> Matrix3<f64> {
+    state.covariance.fixed_view::<3, 3>(0, 0).into_owned()
+}
+
+const fn level(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Reliable => TextLogLevel::INFO,
+        Verdict::CannotBeChecked | Verdict::Unreliable(Cause::Geometry | Cause::AlarmLimit) => {
+            TextLogLevel::WARN
+        }
+        Verdict::Unreliable(Cause::InsufficientRedundancy | Cause::TestsFailed) => TextLogLevel::ERROR,
+    }
+}
+
+fn describe(phone: &str, raim: &RaimReport) -> String {
+    let mut text = format!("{phone}: {}", raim.verdict);
+    if let Some(test) = raim.global_test {
+        let relation = if test.statistic <= test.threshold { "≤" } else { ">" };
+        let (statistic, threshold, dof) = (test.statistic, test.threshold, test.degrees_of_freedom);
+        text += &format!("; D {statistic:.1} {relation} {threshold:.1}, {dof} dof");
+    }
+    if raim.excluded > 0 {
+        text += &format!("; {} excluded", raim.excluded);
+    }
+    text
+}
+
+/// A time that a recording can hold: from GPS time's start into the 23rd century.
+pub(super) fn recordable(time: GpsTime) -> Option<i64> {
+    (0..8_000_000_000_000_000_000).contains(&time.nanos()).then(|| time.as_unix_calendar_nanos())
+}

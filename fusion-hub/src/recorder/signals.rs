@@ -1,0 +1,105 @@
+//! Per satellite and signal: C/N0, residual, whether it was used.
+
+use std::collections::BTreeMap;
+
+use cofix_common::gnss::{Constellation, SatelliteId, SignalCode};
+use cofix_common::measurement::{CorrectedObservation, Usage};
+use cofix_common::skips::Skips;
+use rerun::Color;
+
+use super::entity::phone_path;
+use super::rrd::{RecorderError, RrdFile};
+use super::series::{Series, Style};
+
+/// The series of one satellite's signal.
+#[derive(Debug)]
+struct SignalSeries {
+    cn0: Series,
+    residual: Series,
+    used: Series,
+    /// Epoch number of the last observation.
+    last_epoch: u64,
+}
+
+/// All signals of a phone that were ever observed.
+#[derive(Debug)]
+pub(super) struct Signals {
+    phone: String,
+    series: BTreeMap<(SatelliteId, SignalCode), SignalSeries>,
+    epoch: u64,
+}
+
+impl SignalSeries {
+    fn new(phone: &str, satellite: SatelliteId, signal: SignalCode) -> Self {
+        let name = format!("{satellite} {signal}");
+        let colour = colour(satellite);
+        let entity = |what| phone_path(phone, ["satellites", what, name.as_str()]);
+        let line = Style::Line { name: name.clone(), colour, width: 1.0 };
+        let steps = Style::Steps { name: name.clone(), colour };
+        Self {
+            cn0: Series::new(entity("cn0"), line.clone()),
+            residual: Series::new(entity("residual"), line),
+            used: Series::new(entity("used"), steps),
+            last_epoch: 0,
+        }
+    }
+
+    fn push(&mut self, time_ns: i64, observation: Option<&CorrectedObservation>, skips: &mut Skips) {
+        self.cn0.push(time_ns, observation.and_then(|o| o.cn0_dbhz), skips);
+        self.residual.push(time_ns, observation.and_then(|o| o.residual_m), skips);
+        let used = |o: &CorrectedObservation| f64::from(u8::from(o.usage == Usage::Used));
+        self.used.push(time_ns, observation.map(used), skips);
+    }
+}
+
+impl Signals {
+    pub fn new(phone: &str) -> Self {
+        Self { phone: phone.to_owned(), series: BTreeMap::new(), epoch: 0 }
+    }
+
+    /// Adds an epoch; signals that it does not have end here.
+    pub fn push(&mut self, time_ns: i64, observations: &[CorrectedObservation], skips: &mut Skips) {
+        self.epoch += 1;
+        for observation in observations {
+            let (satellite, signal) = (observation.satellite, observation.signal);
+            let series = self
+                .series
+                .entry((satellite, signal))
+                .or_insert_with(|| SignalSeries::new(&self.phone, satellite, signal));
+            if series.last_epoch == self.epoch {
+                let describe = || format!("{} {satellite} {signal} at {time_ns} ns", self.phone);
+                skips.add("signal twice in one epoch: second not recorded", describe);
+                continue;
+            }
+            series.last_epoch = self.epoch;
+            series.push(time_ns, Some(observation), skips);
+        }
+        for series in self.series.values_mut().filter(|s| s.last_epoch != self.epoch) {
+            series.push(time_ns, None, skips);
+        }
+    }
+
+    pub fn write_segment(&mut self, file: &mut RrdFile) -> Result<(), RecorderError> {
+        for series in self.series.values_mut() {
+            series.cn0.write_segment(file)?;
+            series.residual.write_segment(file)?;
+            series.used.write_segment(file)?;
+        }
+        Ok(())
+    }
+}
+
+/// A colour that shows the constellation, in a shade by the satellite's number.
+fn colour(satellite: SatelliteId) -> Color {
+    let (red, green, blue) = match satellite.constellation {
+        Constellation::Gps => (0x56, 0xB4, 0xE9),
+        Constellation::Glonass => (0xF0, 0xE4, 0x42),
+        Constellation::Galileo => (0xE6, 0x9F, 0x00),
+        Constellation::Beidou => (0xE0, 0x60, 0x9C),
+        Constellation::Qzss => (0x00, 0xC8, 0x8C),
+        Constellation::Navic | Constellation::Sbas => (0xBB, 0xBB, 0xBB),
+    };
+    let percent = 55 + 45 * (u32::from(satellite.number) % 8) / 7;
+    let shade = |channel: u32| u8::try_from(channel * percent / 100).unwrap_or(u8::MAX);
+    Color::from_rgb(shade(red), shade(green), shade(blue))
+}
