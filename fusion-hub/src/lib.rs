@@ -1,4 +1,6 @@
 //! The fusion hub.
 
+pub mod align;
 pub mod engine;
 pub mod recorder;
+pub mod session;

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::filter::PhoneState;
 use crate::integrity::{RaimReport, Verdict};
 use crate::measurement::CorrectedObservation;
+use crate::skips::Skips;
 use crate::solve::PointSolution;
 use crate::time::GpsTime;
 
@@ -40,4 +41,34 @@ pub struct FusedMessage {
     pub verdict: Option<Verdict>,
     /// How many constraints acted on this phone at this epoch.
     pub constraints_acted: u16,
+}
+
+/// What an agent says about itself: `cofix/<group>/phone/<phone>/status`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StatusMessage {
+    /// The phone's name within its group.
+    pub phone: String,
+    /// What happened.
+    pub status: PhoneStatus,
+}
+
+/// The two ends of an agent's run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum PhoneStatus {
+    /// The agent is about to publish its first epoch; sequence numbers start at 0.
+    Started {
+        /// Source, products and speed, for people.
+        summary: String,
+        /// How many epochs will come, when the source knows.
+        epochs_expected: Option<u64>,
+    },
+    /// The agent has published its last epoch.
+    Finished {
+        /// How many epochs were published; their sequence numbers are 0 to this − 1.
+        epochs_published: u64,
+        /// What was skipped on the way.
+        skips: Skips,
+        /// Why the run ended early, if it did.
+        error: Option<String>,
+    },
 }

@@ -1,5 +1,24 @@
-//! Messages between agents, hub and listeners: vocabulary, key expressions, encoding.
+//! Messages between agents, hub and listeners: vocabulary, key expressions, encoding, plausibility.
+//!
+//! A message on the wire is `CX`, the wire version (u16, little endian), one byte for its kind, and the
+//! body in postcard. Floats travel as their eight bytes, so that what arrives is bit for bit what was sent.
+//!
+//! Decoding trusts nothing: size, version, kind and length are checked and a decoded message may still
+//! carry absurd values, which [`EpochMessage::validate`] and [`EpochMessage::sanitise`] look for.
 
+mod encoding;
+#[cfg(test)]
+mod example;
+mod key;
 mod message;
+mod plausible;
 
-pub use message::{EpochMessage, FusedMessage};
+pub use encoding::{
+    MAXIMUM_MESSAGE_BYTES, MessageKind, WIRE_VERSION, WireError, WireMessage, decode, encode,
+};
+pub use key::{
+    KeyNameError, MAXIMUM_NAME_BYTES, all_epochs_key, all_fused_key, all_liveliness_key, all_status_key,
+    check_name, epoch_key, fused_key, liveliness_key, phone_of_key, status_key,
+};
+pub use message::{EpochMessage, FusedMessage, PhoneStatus, StatusMessage};
+pub use plausible::{Implausible, InvalidMessage, MAXIMUM_OBSERVATIONS};

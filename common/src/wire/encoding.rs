@@ -1,0 +1,200 @@
+//! Bytes of a message and back.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::{EpochMessage, FusedMessage, StatusMessage};
+
+/// First two bytes of every message.
+const MAGIC: [u8; 2] = *b"CX";
+/// Magic, version, kind.
+const HEADER_BYTES: usize = 5;
+
+/// Version of the layout of all messages. A change of any message's fields is a new version.
+pub const WIRE_VERSION: u16 = 1;
+
+/// Longest message, header included, bytes. An epoch of 60 signals takes about 11 KiB.
+pub const MAXIMUM_MESSAGE_BYTES: usize = 256 * 1024;
+
+/// What kind of message follows the header.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MessageKind {
+    /// [`EpochMessage`].
+    Epoch,
+    /// [`FusedMessage`].
+    Fused,
+    /// [`StatusMessage`].
+    Status,
+}
+
+impl MessageKind {
+    /// The byte in the header.
+    pub const fn byte(self) -> u8 {
+        match self {
+            Self::Epoch => 0,
+            Self::Fused => 1,
+            Self::Status => 2,
+        }
+    }
+
+    const fn from_byte(byte: u8) -> Option<Self> {
+        match byte {
+            0 => Some(Self::Epoch),
+            1 => Some(Self::Fused),
+            2 => Some(Self::Status),
+            _ => None,
+        }
+    }
+}
+
+/// A message that has a kind of its own on the wire.
+pub trait WireMessage: Serialize + DeserializeOwned {
+    /// Its kind.
+    const KIND: MessageKind;
+}
+
+impl WireMessage for EpochMessage {
+    const KIND: MessageKind = MessageKind::Epoch;
+}
+
+impl WireMessage for FusedMessage {
+    const KIND: MessageKind = MessageKind::Fused;
+}
+
+impl WireMessage for StatusMessage {
+    const KIND: MessageKind = MessageKind::Status;
+}
+
+/// Why bytes are no message, or a message cannot become bytes.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum WireError {
+    /// Longer than [`MAXIMUM_MESSAGE_BYTES`].
+    #[error("message of {bytes} bytes is longer than the limit of {MAXIMUM_MESSAGE_BYTES}")]
+    TooLong {
+        /// Its length.
+        bytes: usize,
+    },
+    /// Shorter than a header.
+    #[error("message of {bytes} bytes is shorter than its header of {HEADER_BYTES}")]
+    TooShort {
+        /// Its length.
+        bytes: usize,
+    },
+    /// Does not start with `CX`.
+    #[error("message starts with {found:02x?} instead of {MAGIC:02x?}: it was not sent by cofix")]
+    NotCofix {
+        /// The first two bytes.
+        found: [u8; 2],
+    },
+    /// Another wire version.
+    #[error(
+        "message has wire version {found}, this program speaks {WIRE_VERSION}: use the same release on both sides"
+    )]
+    Version {
+        /// The version of the message.
+        found: u16,
+    },
+    /// A kind byte that this version does not know.
+    #[error("message kind {found} is unknown to wire version {WIRE_VERSION}")]
+    UnknownKind {
+        /// The kind byte.
+        found: u8,
+    },
+    /// A known kind in the wrong place.
+    #[error("message is of kind {found:?}, expected {expected:?}")]
+    WrongKind {
+        /// The kind of the message.
+        found: MessageKind,
+        /// The kind asked for.
+        expected: MessageKind,
+    },
+    /// The body ends before the message is complete.
+    #[error("body of {bytes} bytes ends before its {kind:?} message is complete")]
+    Truncated {
+        /// Length of the body.
+        bytes: usize,
+        /// The kind of the message.
+        kind: MessageKind,
+    },
+    /// The body holds something that the message cannot (an unknown variant, text that is not UTF-8, …).
+    #[error("body of {bytes} bytes is not a {kind:?} message: {reason}")]
+    Malformed {
+        /// Length of the body.
+        bytes: usize,
+        /// The kind of the message.
+        kind: MessageKind,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// Bytes are left over after the message.
+    #[error("{count} bytes are left over after the {kind:?} message")]
+    TrailingBytes {
+        /// How many.
+        count: usize,
+        /// The kind of the message.
+        kind: MessageKind,
+    },
+}
+
+/// The bytes of a message.
+///
+/// # Errors
+/// [`WireError::TooLong`] for a message beyond the limit; nothing else can fail for the messages here.
+pub fn encode<M: WireMessage>(message: &M) -> Result<Vec<u8>, WireError> {
+    let mut bytes = Vec::with_capacity(8 * 1024);
+    bytes.extend_from_slice(&MAGIC);
+    bytes.extend_from_slice(&WIRE_VERSION.to_le_bytes());
+    bytes.push(M::KIND.byte());
+    let bytes = postcard::to_extend(message, bytes).map_err(|error| WireError::Malformed {
+        bytes: 0,
+        kind: M::KIND,
+        reason: error.to_string(),
+    })?;
+    if bytes.len() > MAXIMUM_MESSAGE_BYTES {
+        return Err(WireError::TooLong { bytes: bytes.len() });
+    }
+    Ok(bytes)
+}
+
+/// The message in the bytes.
+///
+/// # Errors
+/// One [`WireError`] for each way in which bytes can fail to be a message of this kind and version.
+pub fn decode<M: WireMessage>(bytes: &[u8]) -> Result<M, WireError> {
+    let (kind, body) = split_header(bytes)?;
+    if kind != M::KIND {
+        return Err(WireError::WrongKind { found: kind, expected: M::KIND });
+    }
+    let (message, rest) =
+        postcard::take_from_bytes(body).map_err(|error| body_error(&error, body.len(), kind))?;
+    if rest.is_empty() { Ok(message) } else { Err(WireError::TrailingBytes { count: rest.len(), kind }) }
+}
+
+fn split_header(bytes: &[u8]) -> Result<(MessageKind, &[u8]), WireError> {
+    if bytes.len() > MAXIMUM_MESSAGE_BYTES {
+        return Err(WireError::TooLong { bytes: bytes.len() });
+    }
+    let Some((&[m0, m1, v0, v1, kind], body)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
+        return Err(WireError::TooShort { bytes: bytes.len() });
+    };
+    if [m0, m1] != MAGIC {
+        return Err(WireError::NotCofix { found: [m0, m1] });
+    }
+    let version = u16::from_le_bytes([v0, v1]);
+    if version != WIRE_VERSION {
+        return Err(WireError::Version { found: version });
+    }
+    let kind = MessageKind::from_byte(kind).ok_or(WireError::UnknownKind { found: kind })?;
+    Ok((kind, body))
+}
+
+fn body_error(error: &postcard::Error, bytes: usize, kind: MessageKind) -> WireError {
+    if *error == postcard::Error::DeserializeUnexpectedEnd {
+        WireError::Truncated { bytes, kind }
+    } else {
+        WireError::Malformed { bytes, kind, reason: error.to_string() }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,304 @@
+//! Whether the values of a message can be true.
+//!
+//! The limits are wide: they stop NaN, garbage and units mixed up, not bad measurements, which are the
+//! estimator's business.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::ops::RangeInclusive;
+
+use super::{EpochMessage, KeyNameError, check_name};
+use crate::filter::PhoneState;
+use crate::frames::Ecef;
+use crate::gnss::{SatelliteId, SignalCode};
+use crate::measurement::CorrectedObservation;
+use crate::skips::Skips;
+use crate::solve::PointSolution;
+use crate::time::GpsTime;
+
+/// Most observations in one message; a phone sees about 60 signals.
+pub const MAXIMUM_OBSERVATIONS: usize = 256;
+
+/// 2200-01-01 00:00:00 GPST.
+const LATEST_NANOS: i64 = 6_942_153_600_000_000_000;
+const PSEUDORANGE_M: RangeInclusive<f64> = 1e6..=1e9;
+const SIGMA: RangeInclusive<f64> = f64::MIN_POSITIVE..=1e4;
+const RANGE_RATE_MPS: RangeInclusive<f64> = -2e4..=2e4;
+const SATELLITE_RADIUS_M: RangeInclusive<f64> = 6.4e6..=6e7;
+const SATELLITE_SPEED_MPS: RangeInclusive<f64> = 0.0..=2e4;
+const CN0_DBHZ: RangeInclusive<f64> = 0.0..=70.0;
+const ANGLE_RAD: RangeInclusive<f64> = -7.0..=7.0;
+const RESIDUAL_M: RangeInclusive<f64> = -1e9..=1e9;
+const COORDINATE_M: RangeInclusive<f64> = -1e8..=1e8;
+const SPEED_MPS: RangeInclusive<f64> = -1e5..=1e5;
+const VARIANCE: RangeInclusive<f64> = 0.0..=f64::MAX;
+const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
+
+/// A value outside the range in which it can be true; NaN is outside every range.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{quantity} is {value:e}, outside {lower:e} to {upper:e}")]
+pub struct Implausible {
+    /// What the value is, with its unit.
+    pub quantity: &'static str,
+    /// The value.
+    pub value: f64,
+    /// Least plausible value.
+    pub lower: f64,
+    /// Greatest plausible value.
+    pub upper: f64,
+}
+
+/// What is wrong with a message.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum InvalidMessage {
+    /// The phone's name cannot be one.
+    #[error("phone: {0}")]
+    Name(#[from] KeyNameError),
+    /// The name differs from the one in the key.
+    #[error("the message names phone '{found}' but came on the key of '{expected}'")]
+    OtherPhone {
+        /// The name in the message.
+        found: String,
+        /// The name in the key.
+        expected: String,
+    },
+    /// Before 1980 or after 2200.
+    #[error("sequence {sequence}: the time {time_gps} is outside 1980 to 2200")]
+    Time {
+        /// The message's sequence number.
+        sequence: u64,
+        /// Its time.
+        time_gps: GpsTime,
+    },
+    /// More than [`MAXIMUM_OBSERVATIONS`].
+    #[error("{time_gps}: {count} observations, more than {MAXIMUM_OBSERVATIONS}")]
+    TooManyObservations {
+        /// The message's time.
+        time_gps: GpsTime,
+        /// How many.
+        count: usize,
+    },
+    /// An observation with an absurd value.
+    #[error("{satellite} {signal} at {time_gps}: {implausible}")]
+    Observation {
+        /// The satellite.
+        satellite: SatelliteId,
+        /// The signal.
+        signal: SignalCode,
+        /// The message's time.
+        time_gps: GpsTime,
+        /// The value.
+        implausible: Implausible,
+    },
+    /// A satellite's signal for the second time.
+    #[error("{satellite} {signal} at {time_gps}: second observation of the same signal")]
+    Duplicate {
+        /// The satellite.
+        satellite: SatelliteId,
+        /// The signal.
+        signal: SignalCode,
+        /// The message's time.
+        time_gps: GpsTime,
+    },
+    /// The epoch-wise solution, the local state or the RAIM figures hold an absurd value.
+    #[error("{part} at {time_gps}: {implausible}")]
+    Part {
+        /// Which one.
+        part: Part,
+        /// The message's time.
+        time_gps: GpsTime,
+        /// The value.
+        implausible: Implausible,
+    },
+}
+
+/// The parts of a message that can be dropped on their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// [`EpochMessage::wls`].
+    Wls,
+    /// [`EpochMessage::local`].
+    Local,
+    /// [`EpochMessage::raim`]'s global test.
+    GlobalTest,
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Wls => "epoch-wise solution",
+            Self::Local => "local state",
+            Self::GlobalTest => "global test",
+        })
+    }
+}
+
+impl EpochMessage {
+    /// Whether the whole message can be true.
+    ///
+    /// # Errors
+    /// The first thing that cannot.
+    pub fn validate(&self) -> Result<(), InvalidMessage> {
+        self.check_frame()?;
+        let mut seen = BTreeSet::new();
+        for observation in &self.observations {
+            self.check_one(observation, &mut seen)?;
+        }
+        for part in [Part::Wls, Part::Local, Part::GlobalTest] {
+            self.check_part(part)?;
+        }
+        Ok(())
+    }
+
+    /// Drops what cannot be true and keeps the rest: each dropped observation and part is counted in `skips`.
+    /// `None`, counted too, when nothing can be kept: a name other than `phone`, an absurd time, too many observations.
+    pub fn sanitise(mut self, phone: &str, skips: &mut Skips) -> Option<Self> {
+        let frame = self.check_frame().and_then(|()| self.check_phone(phone));
+        if let Err(error) = frame {
+            skips.add("message refused", || error.to_string());
+            return None;
+        }
+        let mut seen = BTreeSet::new();
+        let candidates = std::mem::take(&mut self.observations);
+        let mut kept = Vec::with_capacity(candidates.len());
+        for observation in candidates {
+            match self.check_one(&observation, &mut seen) {
+                Ok(()) => kept.push(observation),
+                Err(error) => skips.add("observation in a message", || error.to_string()),
+            }
+        }
+        self.observations = kept;
+        for part in [Part::Wls, Part::Local, Part::GlobalTest] {
+            if let Err(error) = self.check_part(part) {
+                skips.add("part of a message", || error.to_string());
+                self.drop_part(part);
+            }
+        }
+        Some(self)
+    }
+
+    fn check_frame(&self) -> Result<(), InvalidMessage> {
+        check_name(&self.phone)?;
+        if !(0..=LATEST_NANOS).contains(&self.time_gps.nanos()) {
+            return Err(InvalidMessage::Time { sequence: self.sequence, time_gps: self.time_gps });
+        }
+        let count = self.observations.len();
+        if count > MAXIMUM_OBSERVATIONS {
+            return Err(InvalidMessage::TooManyObservations { time_gps: self.time_gps, count });
+        }
+        Ok(())
+    }
+
+    fn check_phone(&self, expected: &str) -> Result<(), InvalidMessage> {
+        if self.phone == expected {
+            return Ok(());
+        }
+        Err(InvalidMessage::OtherPhone { found: self.phone.clone(), expected: expected.to_owned() })
+    }
+
+    fn check_one(
+        &self,
+        observation: &CorrectedObservation,
+        seen: &mut BTreeSet<(SatelliteId, SignalCode)>,
+    ) -> Result<(), InvalidMessage> {
+        let CorrectedObservation { satellite, signal, .. } = *observation;
+        let time_gps = self.time_gps;
+        check_observation(observation).map_err(|implausible| InvalidMessage::Observation {
+            satellite,
+            signal,
+            time_gps,
+            implausible,
+        })?;
+        if seen.insert((satellite, signal)) {
+            Ok(())
+        } else {
+            Err(InvalidMessage::Duplicate { satellite, signal, time_gps })
+        }
+    }
+
+    fn check_part(&self, part: Part) -> Result<(), InvalidMessage> {
+        let checked = match part {
+            Part::Wls => self.wls.as_ref().map(check_solution),
+            Part::Local => self.local.as_ref().map(check_state),
+            Part::GlobalTest => self.raim.global_test.map(|test| {
+                within("test statistic", test.statistic, VARIANCE)?;
+                within("test threshold", test.threshold, VARIANCE)
+            }),
+        };
+        checked.unwrap_or(Ok(())).map_err(|implausible| InvalidMessage::Part {
+            part,
+            time_gps: self.time_gps,
+            implausible,
+        })
+    }
+
+    fn drop_part(&mut self, part: Part) {
+        match part {
+            Part::Wls => self.wls = None,
+            Part::Local => self.local = None,
+            Part::GlobalTest => self.raim.global_test = None,
+        }
+    }
+}
+
+fn check_observation(o: &CorrectedObservation) -> Result<(), Implausible> {
+    within("satellite number", f64::from(o.satellite.number), 1.0..=99.0)?;
+    within("signal band", f64::from(o.signal.band), f64::from(b'1')..=f64::from(b'9'))?;
+    within("signal attribute", f64::from(o.signal.attribute), f64::from(b'A')..=f64::from(b'Z'))?;
+    within("corrected pseudorange (m)", o.pseudorange_m, PSEUDORANGE_M)?;
+    within("pseudorange sigma (m)", o.pseudorange_sigma_m, SIGMA)?;
+    if let Some(rate) = o.range_rate {
+        within("corrected range rate (m/s)", rate.range_rate_mps, RANGE_RATE_MPS)?;
+        within("range rate sigma (m/s)", rate.sigma_mps, SIGMA)?;
+    }
+    if let Some(cn0_dbhz) = o.cn0_dbhz {
+        within("C/N0 (dB-Hz)", cn0_dbhz, CN0_DBHZ)?;
+    }
+    within("azimuth (rad)", o.direction.azimuth_rad, ANGLE_RAD)?;
+    within("elevation (rad)", o.direction.elevation_rad, ANGLE_RAD)?;
+    within("satellite radius (m)", o.satellite_position.0.norm(), SATELLITE_RADIUS_M)?;
+    within("satellite speed (m/s)", o.satellite_velocity.norm(), SATELLITE_SPEED_MPS)?;
+    o.residual_m.map_or(Ok(()), |residual_m| within("residual (m)", residual_m, RESIDUAL_M))
+}
+
+fn check_solution(solution: &PointSolution) -> Result<(), Implausible> {
+    check_position(solution.position)?;
+    check_all("position covariance (m²)", solution.position_covariance.iter(), FINITE)?;
+    check_all("position variance (m²)", solution.position_covariance.diagonal().iter(), VARIANCE)?;
+    check_all("receiver clock (m)", solution.clocks_m.iter().map(|(_, clock_m)| clock_m), FINITE)?;
+    if let Some(velocity) = solution.velocity {
+        check_all("velocity (m/s)", velocity.0.iter(), SPEED_MPS)?;
+    }
+    let dops = solution.dops;
+    check_all("dilution of precision", [dops.gdop, dops.pdop, dops.hdop, dops.vdop].iter(), VARIANCE)
+}
+
+fn check_state(state: &PhoneState) -> Result<(), Implausible> {
+    check_position(state.position())?;
+    check_all("velocity (m/s)", state.velocity().0.iter(), SPEED_MPS)?;
+    check_all("state", state.mean.iter(), FINITE)?;
+    check_all("state covariance", state.covariance.iter(), FINITE)?;
+    check_all("state variance", state.covariance.diagonal().iter(), VARIANCE)
+}
+
+fn check_position(position: Ecef) -> Result<(), Implausible> {
+    check_all("position coordinate (m)", position.0.iter(), COORDINATE_M)
+}
+
+fn check_all<'a>(
+    quantity: &'static str,
+    mut values: impl Iterator<Item = &'a f64>,
+    range: RangeInclusive<f64>,
+) -> Result<(), Implausible> {
+    values.try_for_each(|&value| within(quantity, value, range.clone()))
+}
+
+fn within(quantity: &'static str, value: f64, range: RangeInclusive<f64>) -> Result<(), Implausible> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(Implausible { quantity, value, lower: *range.start(), upper: *range.end() })
+}
+
+#[cfg(test)]
+mod tests;

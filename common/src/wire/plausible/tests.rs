@@ -1,0 +1,117 @@
+use super::super::example::{message, observation};
+use super::*;
+
+/// One way to spoil an observation.
+type Spoil = fn(&mut CorrectedObservation);
+
+const SPOILS: [(&str, Spoil); 16] = [
+    ("pseudorange", |o| o.pseudorange_m = f64::NAN),
+    ("pseudorange", |o| o.pseudorange_m = 1e12),
+    ("pseudorange", |o| o.pseudorange_m = 9e5),
+    ("pseudorange sigma", |o| o.pseudorange_sigma_m = 0.0),
+    ("pseudorange sigma", |o| o.pseudorange_sigma_m = -1.0),
+    ("pseudorange sigma", |o| o.pseudorange_sigma_m = f64::INFINITY),
+    ("corrected range rate", |o| o.range_rate.as_mut().unwrap().range_rate_mps = 3e4),
+    ("range rate sigma", |o| o.range_rate.as_mut().unwrap().sigma_mps = f64::NAN),
+    ("C/N0", |o| o.cn0_dbhz = Some(71.0)),
+    ("azimuth", |o| o.direction.azimuth_rad = f64::NAN),
+    ("elevation", |o| o.direction.elevation_rad = 45.0),
+    ("satellite radius", |o| o.satellite_position = Ecef::new(0.0, 0.0, 6e6)),
+    ("satellite radius", |o| o.satellite_position.0.y = f64::NAN),
+    ("satellite speed", |o| o.satellite_velocity.0.z = f64::NEG_INFINITY),
+    ("residual", |o| o.residual_m = Some(f64::NAN)),
+    ("satellite number", |o| o.satellite.number = 0),
+];
+
+#[test]
+fn a_good_message_passes_unchanged() {
+    let mut skips = Skips::default();
+    assert_eq!(message(30).validate(), Ok(()));
+    assert_eq!(message(30).sanitise("HP30", &mut skips), Some(message(30)));
+    assert!(skips.is_empty());
+}
+
+#[test]
+fn a_bad_observation_goes_and_the_good_ones_stay() {
+    for (quantity, spoil) in SPOILS {
+        let mut bad = message(4);
+        spoil(&mut bad.observations[2]);
+        let error = bad.validate().unwrap_err();
+        assert!(matches!(error, InvalidMessage::Observation { .. }), "{error}");
+        let mut skips = Skips::default();
+        let kept = bad.sanitise("HP30", &mut skips).unwrap();
+        assert_eq!(kept.observations.len(), 3, "{quantity}");
+        assert_eq!(kept.validate(), Ok(()));
+        let (reason, skip) = skips.iter().next().unwrap();
+        assert_eq!((reason, skip.count), ("observation in a message", 1));
+        assert!(
+            skip.first.contains(quantity) && skip.first.contains("2020-08-13T14:19:01"),
+            "{}",
+            skip.first
+        );
+    }
+}
+
+#[test]
+fn an_absurd_value_is_named_with_its_limits() {
+    let mut bad = message(2);
+    bad.observations[1].pseudorange_m = 3e12;
+    let text = bad.validate().unwrap_err().to_string();
+    assert_eq!(
+        text,
+        "G02 1C at 2020-08-13T14:19:01.999: corrected pseudorange (m) is 3e12, outside 1e6 to 1e9"
+    );
+}
+
+#[test]
+fn the_second_observation_of_a_signal_goes() {
+    let mut bad = message(3);
+    bad.observations.push(observation(2));
+    assert!(matches!(bad.validate(), Err(InvalidMessage::Duplicate { .. })));
+    let mut skips = Skips::default();
+    assert_eq!(bad.sanitise("HP30", &mut skips), Some(message(3)));
+    assert_eq!(skips.total(), 1);
+}
+
+#[test]
+fn bad_parts_go_alone() {
+    let spoils: [(Part, fn(&mut EpochMessage)); 7] = [
+        (Part::Wls, |m| m.wls.as_mut().unwrap().position.0.x = 2e8),
+        (Part::Wls, |m| m.wls.as_mut().unwrap().position_covariance[(1, 1)] = -1.0),
+        (Part::Wls, |m| m.wls.as_mut().unwrap().dops.pdop = f64::NAN),
+        (Part::Wls, |m| m.wls.as_mut().unwrap().clocks_m[0].1 = f64::INFINITY),
+        (Part::Local, |m| m.local.as_mut().unwrap().mean[8] = f64::NAN),
+        (Part::Local, |m| m.local.as_mut().unwrap().covariance[(0, 5)] = f64::NAN),
+        (Part::GlobalTest, |m| m.raim.global_test.as_mut().unwrap().statistic = f64::NAN),
+    ];
+    for (part, spoil) in spoils {
+        let mut bad = message(5);
+        spoil(&mut bad);
+        assert!(matches!(bad.validate(), Err(InvalidMessage::Part { part: found, .. }) if found == part));
+        let mut skips = Skips::default();
+        let mut expected = message(5);
+        expected.drop_part(part);
+        assert_eq!(bad.sanitise("HP30", &mut skips), Some(expected));
+        assert_eq!(skips.count("part of a message"), 1);
+    }
+}
+
+#[test]
+fn hopeless_messages_are_refused_with_facts() {
+    let spoils: [(&str, fn(&mut EpochMessage)); 5] = [
+        ("'HP20' but came on the key of 'HP30'", |m| m.phone = "HP20".to_owned()),
+        ("contains '*'", |m| m.phone = "*".to_owned()),
+        ("outside 1980 to 2200", |m| m.time_gps = GpsTime::from_nanos(-1)),
+        ("outside 1980 to 2200", |m| m.time_gps = GpsTime::from_nanos(i64::MAX)),
+        ("257 observations", |m| m.observations = vec![observation(1); 257]),
+    ];
+    for (text, spoil) in spoils {
+        let mut bad = message(1);
+        spoil(&mut bad);
+        let mut skips = Skips::default();
+        assert_eq!(bad.sanitise("HP30", &mut skips), None);
+        let (reason, skip) = skips.iter().next().unwrap();
+        assert_eq!(reason, "message refused");
+        assert!(skip.first.contains(text), "{}", skip.first);
+    }
+}

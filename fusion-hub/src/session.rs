@@ -1,0 +1,188 @@
+//! SESSION.toml: who takes part, with which files, under which constraints.
+//!
+//! ```toml
+//! group = "wh-3-09"                   # chunk of the key expressions
+//! [products]                          # optional for a live session: the agents have theirs
+//! sp3 = ["orbits.sp3"]                # precise orbits and clocks; .gz too
+//! navigation = ["brdc.rnx.gz"]        # group delays and Klobuchar; orbits too where valid
+//! [[phone]]
+//! name = "HP30"                       # unique within the group
+//! observations = "HP30.rnx"           # needed by `replay`, ignored by `run`
+//! truth = "HP30.truth.csv"            # optional: the phone is scored against it
+//! [[constraint]]
+//! kind = "distance"                   # every pair of the named phones
+//! phones = ["HP30"]                   # default: all; every constraint has it
+//! minimum_m = 0.0                     # default 0
+//! maximum_m = 2.0
+//! from_gps = "2020-08-13T14:33:00"    # optional: holds from here …
+//! to_gps = "2020-08-13T14:34:00"      # … to here; every constraint has them
+//! [[constraint]]
+//! kind = "vertical-velocity"
+//! maximum_mps = 1.0
+//! [[constraint]]
+//! kind = "heading"
+//! course_deg = 260.0                  # over ground, clockwise from north
+//! tolerance_deg = 10.0                # below 90
+//! [evaluation]
+//! truth_quality = [1]                 # rows of the truth that count; this is the default
+//! [filter]
+//! preset = "default"                  # or "peng2023"
+//! ```
+//!
+//! Paths are relative to the file. Unknown keys are errors.
+
+mod rules;
+mod text;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use cofix_common::wire::check_name;
+
+use crate::engine::ScheduledConstraint;
+pub use text::Preset;
+
+/// A session that makes sense.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Session {
+    /// The group's name.
+    pub group: String,
+    /// Orbits and the rest.
+    pub products: ProductFiles,
+    /// The phones, in the order of the file; constraints refer to them by index.
+    pub phones: Vec<SessionPhone>,
+    /// The constraints, a pair or a phone each.
+    pub constraints: Vec<ScheduledConstraint>,
+    /// Qualities of truth rows that count.
+    pub truth_quality: Vec<u8>,
+    /// The estimator's settings.
+    pub preset: Preset,
+}
+
+/// Product files of a session, absolute or relative to the working directory.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ProductFiles {
+    /// Precise orbits and clocks.
+    pub sp3: Vec<PathBuf>,
+    /// Broadcast navigation.
+    pub navigation: Vec<PathBuf>,
+}
+
+/// One phone of a session.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SessionPhone {
+    /// Its name within the group.
+    pub name: String,
+    /// Its recorded observations.
+    pub observations: Option<PathBuf>,
+    /// Its reference trajectory.
+    pub truth: Option<PathBuf>,
+}
+
+/// A session file that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The file cannot be read.
+    #[error("{}: cannot read the session file: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// Not TOML, an unknown key, a missing key or a value of the wrong type.
+    #[error("{}: {message}", path.display())]
+    Text {
+        /// The file.
+        path: PathBuf,
+        /// What the parser says, with line and key.
+        message: String,
+    },
+    /// Well-formed, but it makes no sense.
+    #[error("{}: {reason}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and what would be right.
+        reason: String,
+    },
+}
+
+impl Session {
+    /// Reads a session file.
+    ///
+    /// # Errors
+    /// See [`SessionError`].
+    pub fn read(path: &Path) -> Result<Self, SessionError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| SessionError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Reads the text of a session file that lies at `path`.
+    ///
+    /// # Errors
+    /// See [`SessionError`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self, SessionError> {
+        let file: text::SessionFile = toml::from_str(text).map_err(|error| SessionError::Text {
+            path: path.to_owned(),
+            message: error.to_string().trim_end().to_owned(),
+        })?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        check(file, folder).map_err(|reason| SessionError::Invalid { path: path.to_owned(), reason })
+    }
+
+    /// The phones' names in order.
+    pub fn phone_names(&self) -> Vec<String> {
+        self.phones.iter().map(|phone| phone.name.clone()).collect()
+    }
+}
+
+fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
+    check_name(&file.group).map_err(|error| format!("group: {error}"))?;
+    check_phone_names(&file.phone)?;
+    let names: Vec<&str> = file.phone.iter().map(|phone| phone.name.as_str()).collect();
+    let mut constraints = Vec::new();
+    for (index, rule) in file.constraint.iter().enumerate() {
+        let expanded =
+            rules::expand(rule, &names).map_err(|e| format!("[[constraint]] number {}: {e}", index + 1))?;
+        constraints.extend(expanded);
+    }
+    if file.evaluation.truth_quality.is_empty() {
+        return Err("[evaluation] truth_quality is empty: no row of a truth would count".to_owned());
+    }
+    let at = |path: PathBuf| folder.join(path);
+    let phone = |phone: text::PhoneEntry| SessionPhone {
+        name: phone.name,
+        observations: phone.observations.map(at),
+        truth: phone.truth.map(at),
+    };
+    Ok(Session {
+        group: file.group,
+        products: ProductFiles {
+            sp3: file.products.sp3.into_iter().map(at).collect(),
+            navigation: file.products.navigation.into_iter().map(at).collect(),
+        },
+        phones: file.phone.into_iter().map(phone).collect(),
+        constraints,
+        truth_quality: file.evaluation.truth_quality,
+        preset: file.filter.preset,
+    })
+}
+
+fn check_phone_names(phones: &[text::PhoneEntry]) -> Result<(), String> {
+    if phones.is_empty() {
+        return Err("no phone: add at least one [[phone]]".to_owned());
+    }
+    let mut seen = BTreeSet::new();
+    for (index, phone) in phones.iter().enumerate() {
+        check_name(&phone.name).map_err(|error| format!("[[phone]] number {}: {error}", index + 1))?;
+        if !seen.insert(&phone.name) {
+            return Err(format!("phone '{}' is there twice: names are unique within a group", phone.name));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,156 @@
+use cofix_common::constraint::Constraint;
+use cofix_common::time::GpsTime;
+
+use super::*;
+
+const SESSION: &str = r#"
+group = "wh-3-09"
+[products]
+sp3 = ["../orbits.sp3"]
+navigation = ["/data/brdc.rnx.gz"]
+[[phone]]
+name = "HP30"
+observations = "HP30.rnx"
+truth = "HP30.truth.csv"
+[[phone]]
+name = "HP20"
+observations = "HP20.rnx"
+[[phone]]
+name = "VX30"
+[[constraint]]
+kind = "distance"
+maximum_m = 2.0
+[[constraint]]
+kind = "vertical-velocity"
+maximum_mps = 1.0
+phones = ["VX30"]
+[[constraint]]
+kind = "heading"
+phones = ["HP30"]
+course_deg = -100.0
+tolerance_deg = 10.0
+from_gps = "2020-08-13T14:33:00"
+to_gps = "2020-08-13T14:34:00"
+[evaluation]
+truth_quality = [1, 2]
+"#;
+
+fn parse(text: &str) -> Result<Session, SessionError> {
+    Session::parse(text, Path::new("drives/monday/session.toml"))
+}
+
+fn refusal(text: &str) -> String {
+    parse(text).expect_err(text).to_string()
+}
+
+#[test]
+fn the_documented_file_is_read() {
+    let session = parse(SESSION).unwrap();
+    assert_eq!(session.group, "wh-3-09");
+    assert_eq!(session.phone_names(), ["HP30", "HP20", "VX30"]);
+    assert_eq!(session.products.sp3, [PathBuf::from("drives/monday/../orbits.sp3")]);
+    assert_eq!(session.products.navigation, [PathBuf::from("/data/brdc.rnx.gz")]);
+    assert_eq!(session.phones[0].observations, Some(PathBuf::from("drives/monday/HP30.rnx")));
+    assert_eq!(session.phones[1].truth, None);
+    assert_eq!(session.truth_quality, [1, 2]);
+    assert_eq!(session.preset, Preset::Default);
+}
+
+#[test]
+fn constraints_are_expanded_to_pairs_and_phones() {
+    let constraints = parse(SESSION).unwrap().constraints;
+    let pair = |i, j| Constraint::Distance { phones: (i, j), minimum_m: 0.0, maximum_m: 2.0 };
+    let kinds: Vec<_> = constraints.iter().map(|c| c.constraint).collect();
+    assert_eq!(kinds[..3], [pair(0, 1), pair(0, 2), pair(1, 2)]);
+    assert_eq!(kinds[3], Constraint::VerticalVelocity { phone: 2, maximum_mps: 1.0 });
+    let Constraint::Heading { phone: 0, course_rad, tolerance_rad } = kinds[4] else { panic!("{kinds:?}") };
+    assert!((course_rad - 260_f64.to_radians()).abs() < 1e-12);
+    assert!((tolerance_rad - 10_f64.to_radians()).abs() < 1e-12);
+    assert_eq!(kinds.len(), 5);
+    assert_eq!((constraints[0].from_gps, constraints[0].to_gps), (None, None));
+    let start: GpsTime = "2020-08-13T14:33:00".parse().unwrap();
+    assert_eq!((constraints[4].from_gps, constraints[4].to_gps), (Some(start), Some(start + 60.0)));
+}
+
+#[test]
+fn a_minimal_file_has_defaults() {
+    let session = parse("group = 'g'\n[[phone]]\nname = 'a'\n[filter]\npreset = 'peng2023'").unwrap();
+    assert_eq!(session.truth_quality, [1]);
+    assert_eq!(session.products, ProductFiles::default());
+    assert_eq!(session.preset, Preset::Peng2023);
+    assert!(session.constraints.is_empty());
+}
+
+#[test]
+fn unknown_keys_are_named_wherever_they_are() {
+    let phones = "[[phone]]\nname = 'a'\n[[phone]]\nname = 'b'\n";
+    for (key, text) in [
+        ("grupo", format!("group = 'g'\ngrupo = 'x'\n{phones}")),
+        ("sp4", format!("group = 'g'\n{phones}[products]\nsp4 = []")),
+        ("colour", format!("group = 'g'\n{phones}colour = 'red'")),
+        ("maximum", format!("group = 'g'\n{phones}[[constraint]]\nkind = 'distance'\nmaximum = 2.0")),
+        ("truth_qualities", format!("group = 'g'\n{phones}[evaluation]\ntruth_qualities = [1]")),
+        ("presets", format!("group = 'g'\n{phones}[filter]\npresets = 'default'")),
+        ("constraints", format!("group = 'g'\n{phones}[[constraints]]\nkind = 'distance'")),
+        (
+            "course_deg",
+            format!("group = 'g'\n{phones}[[constraint]]\nkind='distance'\nmaximum_m=2\ncourse_deg=1"),
+        ),
+    ] {
+        let message = refusal(&text);
+        assert!(message.contains(&format!("`{key}`")), "{message}");
+        assert!(message.contains("drives/monday/session.toml"), "{message}");
+        assert!(message.contains("unknown"), "{message}");
+    }
+}
+
+#[test]
+fn nonsense_is_refused_with_a_reason() {
+    let group = "group = 'g'\n[[phone]]\nname = 'a'\n[[phone]]\nname = 'b'\n";
+    let rule = |keys: &str| format!("{group}[[constraint]]\n{keys}");
+    for (reason, text) in [
+        ("no phone", "group = 'g'".to_owned()),
+        ("missing field `group`", "[[phone]]\nname = 'a'".to_owned()),
+        ("group: the name 'a/b' contains '/'", "group = 'a/b'\n[[phone]]\nname = 'a'".to_owned()),
+        (
+            "number 2: the name is empty",
+            "group = 'g'\n[[phone]]\nname = 'a'\n[[phone]]\nname = ''".to_owned(),
+        ),
+        ("'a' is there twice", "group = 'g'\n[[phone]]\nname = 'a'\n[[phone]]\nname = 'a'".to_owned()),
+        ("'c' is not one of a, b", rule("kind='distance'\nmaximum_m=2\nphones=['a','c']")),
+        ("'a' is named twice", rule("kind='distance'\nmaximum_m=2\nphones=['a','a']")),
+        ("at least two phones", rule("kind='distance'\nmaximum_m=2\nphones=['a']")),
+        ("phones is empty", rule("kind='distance'\nmaximum_m=2\nphones=[]")),
+        ("maximum_m is missing", rule("kind='distance'")),
+        ("maximum_m is -1", rule("kind='distance'\nmaximum_m=-1")),
+        ("maximum_m is NaN", rule("kind='distance'\nmaximum_m=nan")),
+        ("minimum_m is -1", rule("kind='distance'\nmaximum_m=2\nminimum_m=-1")),
+        ("minimum_m 3 is above maximum_m 2", rule("kind='distance'\nmaximum_m=2\nminimum_m=3")),
+        ("maximum_mps is 0", rule("kind='vertical-velocity'\nmaximum_mps=0")),
+        ("course_deg is missing", rule("kind='heading'\ntolerance_deg=10")),
+        ("course_deg is 400", rule("kind='heading'\ncourse_deg=400\ntolerance_deg=10")),
+        ("tolerance_deg is 90; it must be below 90", rule("kind='heading'\ncourse_deg=0\ntolerance_deg=90")),
+        ("unknown variant `speed`", rule("kind='speed'")),
+        (
+            "[[constraint]] number 1: from_gps: 'noon' is not a GPS time",
+            rule("kind='distance'\nmaximum_m=2\nfrom_gps='noon'"),
+        ),
+        (
+            "is after to_gps",
+            rule(
+                "kind='distance'\nmaximum_m=2\nfrom_gps='2020-08-13T15:00:00'\nto_gps='2020-08-13T14:00:00'",
+            ),
+        ),
+        ("truth_quality is empty", format!("{group}[evaluation]\ntruth_quality = []")),
+        ("invalid type", "group = 3".to_owned()),
+    ] {
+        let message = refusal(&text);
+        assert!(message.contains(reason), "expected '{reason}' in: {message}");
+    }
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let message = Session::read(Path::new("no/such/session.toml")).unwrap_err().to_string();
+    assert!(message.contains("no/such/session.toml") && message.contains("cannot read"), "{message}");
+}

@@ -1,0 +1,96 @@
+//! The session file as it is written.
+
+use std::path::PathBuf;
+
+use serde::Deserialize;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SessionFile {
+    pub group: String,
+    #[serde(default)]
+    pub products: ProductsTable,
+    #[serde(default)]
+    pub phone: Vec<PhoneEntry>,
+    #[serde(default)]
+    pub constraint: Vec<ConstraintEntry>,
+    #[serde(default)]
+    pub evaluation: EvaluationTable,
+    #[serde(default)]
+    pub filter: FilterTable,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ProductsTable {
+    #[serde(default)]
+    pub sp3: Vec<PathBuf>,
+    #[serde(default)]
+    pub navigation: Vec<PathBuf>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PhoneEntry {
+    pub name: String,
+    pub observations: Option<PathBuf>,
+    pub truth: Option<PathBuf>,
+}
+
+/// All keys of all kinds; [`super::rules`] says which belong to which.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ConstraintEntry {
+    pub kind: ConstraintKind,
+    pub phones: Option<Vec<String>>,
+    pub from_gps: Option<String>,
+    pub to_gps: Option<String>,
+    pub minimum_m: Option<f64>,
+    pub maximum_m: Option<f64>,
+    pub maximum_mps: Option<f64>,
+    pub course_deg: Option<f64>,
+    pub tolerance_deg: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ConstraintKind {
+    Distance,
+    VerticalVelocity,
+    Heading,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EvaluationTable {
+    #[serde(default = "fixed_only")]
+    pub truth_quality: Vec<u8>,
+}
+
+impl Default for EvaluationTable {
+    fn default() -> Self {
+        Self { truth_quality: fixed_only() }
+    }
+}
+
+fn fixed_only() -> Vec<u8> {
+    vec![1]
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FilterTable {
+    #[serde(default)]
+    pub preset: Preset,
+}
+
+/// Settings of the filter that have a name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// Ours, tuned on real drives.
+    #[default]
+    Default,
+    /// The values printed in Peng 2023, section 4.
+    Peng2023,
+}
