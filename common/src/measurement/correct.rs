@@ -4,7 +4,9 @@
 use std::sync::Arc;
 
 use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
-use crate::atmosphere::{klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1};
+use crate::atmosphere::{
+    STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
+};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
 use crate::gnss::{Constellation, Observation, ObservationEpoch};
@@ -38,7 +40,7 @@ impl Default for CorrectionOptions {
             stochastic: StochasticModel::default(),
             unknown_group_delay_sigma_m: 1.0,
             beidou_bias_sigma_m: 2.0,
-            relative_humidity: 0.5,
+            relative_humidity: STANDARD_RELATIVE_HUMIDITY,
         }
     }
 }
