@@ -154,14 +154,16 @@ impl InPlane {
     }
 }
 
-/// Solves Kepler's equation M = E − e sin E by Newton's method.
+/// Solves Kepler's equation M = E − e sin E by Newton's method. It converges quadratically: after a step below
+/// 1e-8 the error is below 1e-16.
 fn eccentric_anomaly(mean: f64, e: f64) -> f64 {
-    let mut anomaly = mean + e * mean.sin();
+    let (sin, cos) = mean.sin_cos();
+    let mut anomaly = mean + e * sin * (1.0 + e * cos);
     for _ in 0..20 {
         let (sin, cos) = anomaly.sin_cos();
         let step = (anomaly - e * sin - mean) / (1.0 - e * cos);
         anomaly -= step;
-        if step.abs() < 1e-14 {
+        if step.abs() < 1e-8 {
             break;
         }
     }

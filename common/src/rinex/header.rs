@@ -211,13 +211,17 @@ impl HeaderBuilder {
         Some(())
     }
 
+    /// Slots and channels, taken word by word because some phones' loggers shift the columns by one.
     fn glonass_slots(&mut self, line: &[u8]) {
-        for entry in columns(line, 4, 60).chunks(7) {
-            let slot = entry.first_chunk::<3>().and_then(|id| SatelliteId::from_bytes(*id));
-            let channel = integer(columns(entry, 3, 7)).and_then(|c| i8::try_from(c).ok());
+        let words = columns(line, 3, 60).split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        let mut slot = None;
+        for word in words {
+            let named = word.first_chunk::<3>().and_then(|id| SatelliteId::from_bytes(*id));
+            let channel = integer(word).and_then(|c| i8::try_from(c).ok());
             if let (Some(slot), Some(channel @ -7..=6)) = (slot, channel) {
-                self.header.glonass_channels.insert(slot.number, channel);
+                self.header.glonass_channels.insert(slot, channel);
             }
+            slot = named.map(|satellite| satellite.number);
         }
     }
 }
