@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests
 
+use std::fmt::Write as _;
+
 use cofix_common::gnss::{Observation, SatelliteId};
 use cofix_common::orbit::{Products, Sp3};
 use cofix_common::rinex::{NavigationFile, ObservationFile};
@@ -76,8 +78,8 @@ fn sp3_text() -> String {
         let angle = 0.13 * f64::from(epoch);
         let (x, y) = (26_560.0 * angle.cos(), 26_560.0 * angle.sin());
         let (hour, minute) = (14 + epoch / 4, epoch % 4 * 15);
-        text += &format!("*  2020  8 13 {hour:2} {minute:2}  0.00000000\n");
-        text += &format!("PG10{x:14.6}{y:14.6}{:14.6}{:14.6}\n", 120.5, -426.558_701);
+        writeln!(text, "*  2020  8 13 {hour:2} {minute:2}  0.00000000").unwrap();
+        writeln!(text, "PG10{x:14.6}{y:14.6}{:14.6}{:14.6}", 120.5, -426.558_701).unwrap();
     }
     text + "EOF\n"
 }

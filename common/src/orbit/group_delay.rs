@@ -2,7 +2,7 @@
 //!
 //! A satellite clock refers to one signal or combination; another signal leaves the satellite earlier or later.
 //! All terms are metres to be *added* to a pseudorange, along with c·dT_s. IS-GPS-200, 20.3.3.3.3.2; Galileo OS
-//! SIS ICD, 5.1.5; BDS-SIS-ICD-B1I, 5.2.4.10; IS-QZSS-PNT, 5.8.2.
+//! SIS ICD, 5.1.5; BDS-SIS-ICD-B1I, 5.2.4.10; IS-QZSS-PNT.
 
 use super::{ClockReference, NavigationMessage};
 use crate::constants::SPEED_OF_LIGHT_MPS;

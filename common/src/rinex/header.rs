@@ -297,7 +297,8 @@ fn observation_type(code: &[u8], constellation: Constellation, version: u16) -> 
     Some(ObservationType { kind, signal: SignalCode::new(band, attribute), scale: 1.0 })
 }
 
-/// RINEX 3.02 wrote BeiDou B1I as band 1; before and after it is band 2 (RINEX 3.05, table 9, note).
+/// RINEX 3.02 wrote BeiDou B1I as band 1; before and after it is band 2 (RINEX 3.05, notes on
+/// BeiDou observation codes).
 const fn beidou_b1i_band(constellation: Constellation, band: u8, attribute: u8, version: u16) -> u8 {
     match (constellation, band, attribute) {
         (Constellation::Beidou, b'1', b'I' | b'Q') => b'2',
