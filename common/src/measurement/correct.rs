@@ -35,10 +35,10 @@ pub struct CorrectionOptions {
 impl Default for CorrectionOptions {
     fn default() -> Self {
         Self {
-            elevation_mask_rad: 10_f64.to_radians(),
+            elevation_mask_rad: 7.5_f64.to_radians(),
             minimum_cn0_dbhz: 15.0,
             stochastic: StochasticModel::default(),
-            unknown_group_delay_sigma_m: 1.0,
+            unknown_group_delay_sigma_m: 2.0,
             beidou_bias_sigma_m: 2.0,
             relative_humidity: STANDARD_RELATIVE_HUMIDITY,
         }
