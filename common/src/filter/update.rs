@@ -120,10 +120,10 @@ impl JointFilter {
         let s = h.dot(&ph.fixed_rows::<3>(at)) + 1.0;
         let gain = &ph / s;
         self.mean.axpy(innovation, &gain, 1.0);
-        let n = self.mean.len();
-        for (j, column) in self.covariance.as_mut_slice().chunks_exact_mut(n).enumerate() {
-            let (kj, pj) = (gain[j], ph[j]);
-            for ((value, ki), pi) in column.iter_mut().zip(gain.iter()).zip(ph.iter()) {
+        let (n, gain, ph) = (self.mean.len(), gain.as_slice(), ph.as_slice());
+        for (column, (kj, pj)) in self.covariance.as_mut_slice().chunks_exact_mut(n).zip(gain.iter().zip(ph))
+        {
+            for (value, (ki, pi)) in column.iter_mut().zip(gain.iter().zip(ph)) {
                 // Written so that (i, j) and (j, i) round alike: P stays symmetric to the last bit.
                 *value += s * (ki * kj) - (ki * pj + pi * kj);
             }
