@@ -7,7 +7,7 @@ use super::rows::{Rows, Segment};
 use super::rrd::{RecorderError, RrdFile};
 
 /// The reason under which values that are not finite are counted.
-pub(super) const NOT_FINITE: &str = "not a finite number: not recorded";
+const NOT_FINITE: &str = "not a finite number: not recorded";
 
 /// How a series of scalars is drawn.
 #[derive(Clone, Debug)]
