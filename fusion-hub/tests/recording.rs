@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use cofix_common::frames::Ecef;
 use cofix_common::integrity::Verdict;
+use cofix_common::measurement::Usage;
 use cofix_hub::engine::FusedEpoch;
 use cofix_hub::recorder::{APPLICATION_ID, Recorded, Recorder, RecorderError, Reference, TIMELINE};
 use rerun::external::re_log_types::StoreId;
@@ -99,7 +100,7 @@ fn all_entities_are_there() {
             "error/vertical/joint",
             "satellites/cn0/G01\\ 1C",
             "satellites/residual/E02\\ 1C",
-            "satellites/used/C01\\ 2I",
+            "satellites/usage/C01\\ 2I",
             "quality/satellites",
             "quality/pdop",
             "raim",
@@ -357,4 +358,35 @@ fn full_session_stays_small() {
     assert!(recorded.skips.is_empty(), "{}", recorded.skips);
     // Columns in segments, not rows: two segments and a style for each of the scalars.
     assert!(recording(&path).num_physical_chunks() < 2_000);
+}
+
+#[test]
+fn usage_is_recorded_where_it_changes() {
+    let (_directory, path) = scratch();
+    record_changed(&path, |index, epoch| {
+        let Some(message) = &mut epoch.phones[0].message else { return };
+        message.observations.retain(|o| o.satellite.to_string() == "E02");
+        let usage = if (4..7).contains(&index) { Usage::Excluded } else { Usage::Used };
+        message.observations[0].usage = usage;
+        if index >= 15 {
+            message.observations.clear();
+        }
+    });
+    let store = recording(&path);
+    let usage = chunks(&store, "/phones/P1/satellites/usage/E02\\ 1C");
+    let chunk = usage.iter().find(|chunk| !chunk.is_static()).unwrap();
+    let state = rerun::StateChange::descriptor_state().component;
+    let states: Vec<_> =
+        chunk.iter_slices::<String>(state).map(|row| row.first().map(|s| s.as_str().to_owned())).collect();
+    let named = |name: &str| Some(name.to_owned());
+    assert_eq!(states, [named("used"), named("excluded"), named("used"), None]);
+    let times = chunk.timelines().values().next().unwrap().times_raw();
+    let expected = [0.0, 4.0, 7.0, 15.0].map(|t| (start() + t - MESSAGE_LEAD_S).as_unix_calendar_nanos());
+    assert_eq!(times, expected);
+}
+
+#[test]
+fn a_recorder_may_move_to_a_thread_of_its_own() {
+    fn assert_send<T: Send>() {}
+    assert_send::<Recorder>();
 }

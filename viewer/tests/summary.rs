@@ -74,7 +74,7 @@ fn the_program_prints_it() {
         "gps_time: 2020-08-13T14:29:59.750 to 2020-08-13T14:30:19.000, 19.2 s",
         "phones: 2 (P1, P2)",
         "| joint | P1 | 0.75 |",
-        "/phones/*/satellites/used/*",
+        "/phones/*/satellites/usage/*",
     ] {
         assert!(text.contains(expected), "{expected}:\n{text}");
     }

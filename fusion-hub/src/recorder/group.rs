@@ -36,8 +36,8 @@ pub(super) struct GroupRecorder {
 }
 
 impl Actions {
-    fn new(name: &str) -> Self {
-        let style = Style::Marks { name: name.to_owned(), colour: Method::Joint.colour() };
+    fn new(name: &str, colour: Color) -> Self {
+        let style = Style::Marks { name: name.to_owned(), colour };
         Self {
             shift: Series::new(path(["constraints", name, "shift"]), style),
             log: LogLines::new(path(["constraints", name, "log"])),
@@ -81,7 +81,8 @@ impl GroupRecorder {
                 count => format!(", interval enlarged {count} times"),
             };
             let text = format!("{name}: {change}, moved by {:.3} m{enlarged}", action.shift_m);
-            let series = self.actions.entry(name).or_insert_with_key(|name| Actions::new(name));
+            let colour = palette(self.actions.len());
+            let series = self.actions.entry(name).or_insert_with_key(|name| Actions::new(name, colour));
             series.shift.push(time_ns, Some(action.shift_m), skips);
             series.log.push(time_ns, level, &text);
         }

@@ -17,7 +17,7 @@
 //! | `/phones/<phone>/error/vertical/<method>` | `Scalars`, m, positive up |
 //! | `/phones/<phone>/satellites/cn0/<G07 1C>` | `Scalars`, dB-Hz |
 //! | `/phones/<phone>/satellites/residual/<G07 1C>` | `Scalars`, m, observed − computed of the epoch-wise solution |
-//! | `/phones/<phone>/satellites/used/<G07 1C>` | `Scalars`, 1 used, 0 excluded by RAIM |
+//! | `/phones/<phone>/satellites/usage/<G07 1C>` | `StateChange`, `used` or `excluded` (by RAIM), one row per change |
 //! | `/phones/<phone>/quality/satellites` | `Scalars`, satellites used |
 //! | `/phones/<phone>/quality/pdop` | `Scalars` |
 //! | `/phones/<phone>/raim` | `TextLog`, verdicts that changed or are not reliable |
