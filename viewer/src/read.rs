@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::BufReader;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use rerun::external::re_log_encoding::{CodecError, DecodeError, DecoderApp};
@@ -28,15 +29,21 @@ pub(crate) struct Contents {
 /// When it cannot be opened, or is no Rerun recording at all.
 pub(crate) fn read(path: &Path) -> Result<Contents, SummaryError> {
     let file = File::open(path).map_err(|source| SummaryError::Open { path: path.to_owned(), source })?;
-    let mut decoder =
-        DecoderApp::decode_eager(BufReader::new(file)).map_err(|error| not_a_recording(path, &error))?;
+    let mut decoder = guarded(|| DecoderApp::decode_eager(BufReader::new(file)))
+        .map_err(|message| SummaryError::NotARecording { path: path.to_owned(), message })?
+        .map_err(|error| not_a_recording(path, &error))?;
     let mut contents =
         Contents { recordings: Vec::new(), has_layout: false, chunks: Vec::new(), damage: None };
     let mut messages = 0_usize;
-    for message in decoder.by_ref() {
-        match message.map_err(|error| error.to_string()).and_then(|message| contents.add(message)) {
-            Ok(()) => messages += 1,
-            Err(error) => {
+    loop {
+        let added = guarded(|| {
+            let message = decoder.next()?.map_err(|error| error.to_string());
+            Some(message.and_then(|message| contents.add(message)))
+        });
+        match added.transpose().map(Result::flatten) {
+            None => break,
+            Some(Ok(())) => messages += 1,
+            Some(Err(error)) => {
                 contents.damage = Some(format!("message {messages} cannot be read: {error}"));
                 return Ok(contents);
             }
@@ -47,6 +54,11 @@ pub(crate) fn read(path: &Path) -> Result<Contents, SummaryError> {
         contents.damage = Some(format!("the file ends after message {messages}, without its end mark"));
     }
     Ok(contents)
+}
+
+/// Calls the decoder, which panics on some damaged files instead of returning an error.
+fn guarded<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(decode)).map_err(|_| "the data are damaged".to_owned())
 }
 
 impl Contents {

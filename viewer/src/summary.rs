@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use cofix_common::time::GpsTime;
 use rerun::external::re_log_types::StoreId;
 use rerun::log::Chunk;
-use rerun::{EntityPath, RecordingInfo, TextDocument};
+use rerun::{EntityPath, EntityPathPart, RecordingInfo, TextDocument};
 
 use crate::read::{Contents, read};
 use crate::{APPLICATION_ID, TIMELINE};
@@ -231,7 +231,7 @@ fn gps_time(unix_calendar_ns: i64) -> GpsTime {
 /// The entity's path with a star for the name of the phone, satellite, pair or constraint.
 fn group_of(entity: &str) -> String {
     let path = EntityPath::parse_forgiving(entity);
-    let parts: Vec<&str> = path.iter().map(|part| part.unescaped_str()).collect();
+    let parts: Vec<&str> = path.iter().map(EntityPathPart::unescaped_str).collect();
     let starred = |index: usize| match parts.first() {
         Some(&"phones") => index == 1 || (index == 4 && parts.get(2) == Some(&"satellites")),
         Some(&"constraints" | &"distances") => index == 1,
