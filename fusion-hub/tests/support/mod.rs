@@ -3,7 +3,7 @@
 #![allow(dead_code)] // each test binary uses a part
 #![allow(clippy::unwrap_used, clippy::cast_possible_truncation)] // small numbers made here
 
-use cofix_common::constraint::{Constraint, ConstraintAction};
+use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Direction, Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use cofix_common::gnss::{SatelliteId, SignalCode};
@@ -166,6 +166,7 @@ impl Session {
             after: 1.99,
             shift_m: excess / 2.0,
             enlargements: u32::from(excess > 0.9),
+            outcome: ConstraintOutcome::Holds,
         }]
     }
 
