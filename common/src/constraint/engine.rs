@@ -13,7 +13,7 @@ use super::options::{ConstraintOptions, DistanceModel, Method};
 use super::rows::{
     BoundedRow, DistanceBounds, Motion, Rows, SparseRow, heading_rows, vertical_velocity_rows,
 };
-use super::truncation::{Enlargement, Gaussian, Truncation, moments_within, plausible, truncate};
+use super::truncation::{Enlargement, Gaussian, Interval, Truncation, moments_within, plausible, truncate};
 use super::{Constraint, ConstraintAction, ConstraintOutcome, SkipReason};
 use crate::filter::STATES_PER_PHONE;
 use crate::frames::Ecef;
@@ -24,7 +24,12 @@ const IDLE_SIGMAS: f64 = 6.0;
 const TOLERANCE: f64 = 1e-3;
 /// A refresh that changes a row's mean by less than this many standard deviations, and its variance by less than
 /// this part, has converged.
-const CONVERGED: f64 = 1e-4;
+const CONVERGED: f64 = 1e-3;
+/// Smallest part of a row's variance that one constraint leaves (1 % of the standard deviation). Taking a site out of
+/// the state again loses digits with the square of this ratio; the mean is not affected.
+const LEAST_VARIANCE: f64 = 1e-4;
+/// Sweeps in which rows are linearised anew. Later ones keep them: with fixed rows the sites settle.
+const LINEARISING_SWEEPS: u32 = 3;
 /// Widest tolerance that a course is enlarged to, rad (89°).
 const WIDEST_TOLERANCE_RAD: f64 = 1.553_343_034_274_953_4;
 
@@ -54,6 +59,8 @@ struct Engine<'a> {
     options: &'a ConstraintOptions,
     /// Pc of the row at hand.
     gain: DVector<f64>,
+    /// Whether a site was taken out of the covariance, which costs digits.
+    took_out: bool,
 }
 
 /// Applies constraints to a joint Gaussian state, in place, and tells what those did that acted, were violated or could
@@ -73,9 +80,9 @@ pub fn constrain(
     if tasks.iter().all(|task| task.idle) {
         return Vec::new();
     }
-    let prior = state.clone();
+    let prior = (state.clone(), covariance.clone());
     let gain = DVector::zeros(state.len());
-    let mut engine = Engine { state, covariance, options, gain };
+    let mut engine = Engine { state, covariance, options, gain, took_out: false };
     let max_sweeps = match options.method {
         Method::Sequential { max_sweeps } | Method::ExpectationPropagation { max_sweeps, .. } => max_sweeps,
     };
@@ -83,14 +90,17 @@ pub fn constrain(
         let mut largest_change = 0.0f64;
         for task in &mut tasks {
             if engine.is_due(task, sweep) {
-                largest_change = largest_change.max(engine.refresh(task));
+                largest_change = largest_change.max(engine.refresh(task, sweep));
             }
         }
         if largest_change < CONVERGED {
             break;
         }
     }
-    tasks.iter().filter_map(|task| task.report(&prior, engine.state, options)).collect()
+    if engine.took_out {
+        engine.rebuild(&prior, &tasks);
+    }
+    tasks.iter().filter_map(|task| task.report(&prior.0, engine.state, options)).collect()
 }
 
 impl Task {
@@ -204,61 +214,60 @@ impl Engine<'_> {
     }
 
     /// Applies a constraint, again if need be, and returns by how much it changed its rows.
-    fn refresh(&mut self, task: &mut Task) -> f64 {
-        match self.try_refresh(task) {
+    fn refresh(&mut self, task: &mut Task, sweep: u32) -> f64 {
+        match self.try_refresh(task, sweep) {
             Ok(change) => change,
             Err(reason) => {
-                for slot in &mut task.sites {
-                    if let Some(site) = slot.take() {
-                        self.remove(&site);
-                    }
-                }
+                self.remove_all(task);
                 task.skipped = Some(reason);
                 0.0
             }
         }
     }
 
-    fn try_refresh(&mut self, task: &mut Task) -> Result<f64, SkipReason> {
-        let mut rows = self.refreshed_rows(task)?;
-        // Whether a row acts is asked of the bounds as given; how it acts, of the enlarged ones.
-        let given = rows;
-        let mut policy = self.options.enlargement;
-        if let Constraint::Heading { phone, course_rad, tolerance_rad } = task.constraint {
-            // A course's half-planes have no width of their own: the tolerance is enlarged for all of them first.
+    fn try_refresh(&mut self, task: &mut Task, sweep: u32) -> Result<f64, SkipReason> {
+        let turned = self.turned_rows(task, sweep)?;
+        let Some(given) = turned.or(task.rows) else { return Ok(0.0) };
+        let (mut rows, mut policy) = (given, self.options.enlargement);
+        if let Constraint::Heading { phone, course_rad, tolerance_rad } = task.constraint
+            && policy != Enlargement::Fixed
+        {
+            // A course's half-planes have no width of their own: the tolerance is enlarged for all of them, before the
+            // first, on the state without this constraint.
+            self.remove_all(task);
             let motion =
                 Motion::of(self.state, phone, self.options.horizon_s).ok_or(SkipReason::NotFinite)?;
-            let (widened, times) = self.enlarged_heading(&motion, course_rad, tolerance_rad)?;
-            (rows, policy) = (widened, Enlargement::Fixed);
-            task.enlargements = times;
+            (rows, task.enlargements) = self.enlarged_heading(&motion, course_rad, tolerance_rad)?;
+            policy = Enlargement::Fixed;
         }
         if self.skips_ahead_row(task) {
             rows[0] = None;
         }
         let mut change = 0.0f64;
         for index in 0..rows.len() {
-            let former = task.sites[index].take();
-            if let Some(site) = &former {
-                self.remove(site);
+            if turned.is_some() && !self.take_out(&mut task.sites[index]) {
+                continue;
             }
-            if index == 0
-                && let Constraint::Distance { phones, minimum_m, maximum_m } = task.constraint
+            if let Constraint::Distance { phones, minimum_m, maximum_m } = task.constraint
+                && (index, turned.is_some()) == (0, true)
             {
                 self.settle(&mut rows, DistanceBounds { phones, minimum_m, maximum_m });
             }
+            // Whether a row acts is asked of the bounds as given; how it acts, of the enlarged ones.
             let Some((bounded, given)) = rows[index].zip(given[index]) else { continue };
             let inside = given.interval.contains(given.row.times(self.state));
-            if inside && !self.options.act_when_inside && former.is_none() {
+            if inside && !self.options.act_when_inside && task.sites[index].is_none() {
                 continue;
             }
-            let (site, enlargements, moved) = self.apply(&bounded, policy, former.as_ref())?;
+            let (site, enlargements, moved) = self.apply(&bounded, policy, task.sites[index])?;
             task.enlargements = task.enlargements.max(enlargements);
             task.sites[index] = Some(site);
             task.acted = true;
             change = change.max(moved);
         }
-        let is_heading = matches!(task.constraint, Constraint::Heading { .. });
-        task.rows = Some(if is_heading { given } else { rows });
+        if turned.is_some() {
+            task.rows = Some(rows);
+        }
         Ok(change)
     }
 
@@ -268,24 +277,22 @@ impl Engine<'_> {
             && matches!(self.options.method, Method::ExpectationPropagation { .. })
     }
 
-    /// The rows of a constraint, linearised about the present state where that matters.
-    fn refreshed_rows(&self, task: &Task) -> Result<Rows, SkipReason> {
-        let has_minimum =
-            matches!(task.constraint, Constraint::Distance { minimum_m, .. } if minimum_m > 0.0);
-        match task.rows {
-            Some(rows) if !has_minimum && !self.is_violated(&task.constraint) => Ok(rows),
-            _ => rows_at(&task.constraint, self.state, self.covariance, self.options),
+    /// The rows of a distance linearised about the present state, when they should be: while it is out of bounds or has a
+    /// minimum. `None` keeps those it has; all other constraints are linear.
+    fn turned_rows(&self, task: &Task, sweep: u32) -> Result<Option<Rows>, SkipReason> {
+        match task.constraint {
+            Constraint::Distance { minimum_m, .. }
+                if sweep < LINEARISING_SWEEPS && (minimum_m > 0.0 || self.is_violated(&task.constraint)) =>
+            {
+                rows_at(&task.constraint, self.state, self.covariance, self.options).map(Some)
+            }
+            _ => Ok(None),
         }
     }
 
     /// Turns a distance's rows until the truncation of the state as it stands (the cavity) keeps the distance
     /// in bounds or no longer changes it.
     fn settle(&mut self, rows: &mut Rows, bounds: DistanceBounds) {
-        let constraint = Constraint::Distance {
-            phones: bounds.phones,
-            minimum_m: bounds.minimum_m,
-            maximum_m: bounds.maximum_m,
-        };
         let mut last_m = f64::INFINITY;
         for _ in 0..self.options.max_relinearisations {
             let Some((bounded, difference)) = rows[0].zip(bounds.difference(self.state)) else { return };
@@ -296,14 +303,16 @@ impl Engine<'_> {
             let relative_gain = self.gain.fixed_rows::<3>(i) - self.gain.fixed_rows::<3>(j);
             let moved = difference + step * relative_gain;
             let distance_m = moved.norm();
-            if constraint.excess(distance_m) <= TOLERANCE
+            let Interval { lower, upper } = bounded.interval;
+            if (distance_m >= lower - TOLERANCE && distance_m <= upper + TOLERANCE)
                 || (distance_m - last_m).abs() <= TOLERANCE
                 || DistanceBounds::is_without_direction(&moved)
             {
                 return;
             }
             last_m = distance_m;
-            *rows = bounds.rows(&(moved / distance_m), self.options.distance_model);
+            let direction = moved / distance_m;
+            *rows = bounds.rows(&direction, self.covariance, self.options.distance_model);
         }
     }
 
@@ -339,43 +348,76 @@ impl Engine<'_> {
         Ok((rows, times))
     }
 
-    /// Truncates the state as it stands by one row. Returns the site, enlargements and the change against the site before.
+    /// Truncates the state by one row, in place of the row's former site. Returns the site, the enlargements, and the
+    /// change of the row's law in standard deviations.
     fn apply(
         &mut self,
         bounded: &BoundedRow,
         policy: Enlargement,
-        former: Option<&Site>,
+        former: Option<Site>,
     ) -> Result<(Site, u32, f64), SkipReason> {
-        let cavity = self.project(&bounded.row)?;
+        let law = self.project(&bounded.row)?;
+        let former = former.unwrap_or(Site { row: bounded.row, precision: 0.0, shift: 0.0 });
+        let cavity = with_site(law, -former.precision, -former.shift);
+        if !is_law(cavity) {
+            return Ok((former, 0, 0.0));
+        }
         let Truncation { moments, enlargements } =
             truncate(cavity, bounded.interval, policy).ok_or(SkipReason::NotFinite)?;
+        let variance = moments.variance.max(LEAST_VARIANCE * cavity.variance);
         let mut site = Site {
             row: bounded.row,
-            precision: (1.0 / moments.variance - 1.0 / cavity.variance).max(0.0),
-            shift: moments.mean / moments.variance - cavity.mean / cavity.variance,
+            precision: (1.0 / variance - 1.0 / cavity.variance).max(0.0),
+            shift: moments.mean / variance - cavity.mean / cavity.variance,
         };
-        let former = former.filter(|former| former.row == bounded.row);
-        if let (Some(former), Method::ExpectationPropagation { damping, .. }) = (former, self.options.method)
+        if let Method::ExpectationPropagation { damping, .. } = self.options.method
+            && former.precision > 0.0
         {
             let keep = damping.clamp(0.0, 0.99);
             site.precision += keep * (former.precision - site.precision);
             site.shift += keep * (former.shift - site.shift);
         }
         let updated = with_site(cavity, site.precision, site.shift);
-        let before = former.map_or(cavity, |former| with_site(cavity, former.precision, former.shift));
-        self.update(cavity, updated)?;
-        let change = (updated.mean - before.mean).abs() / before.variance.sqrt();
-        Ok((site, enlargements, change.max((updated.variance / before.variance).ln().abs())))
+        let moved = (updated.mean - law.mean).abs() / law.variance.sqrt();
+        let moved = moved.max((updated.variance / law.variance).ln().abs());
+        if moved < CONVERGED && former.precision > 0.0 {
+            return Ok((former, enlargements, moved));
+        }
+        self.update(law, updated)?;
+        Ok((site, enlargements, moved))
     }
 
-    /// Takes a site out of the state.
-    fn remove(&mut self, site: &Site) {
-        if let Ok(law) = self.project(&site.row) {
-            let cavity = with_site(law, -site.precision, -site.shift);
-            // A cavity that is no law (rounding, next to an equality) leaves the state as it is.
-            if cavity.variance > 0.0 {
-                let _ = self.update(law, cavity);
+    /// Takes a site out of the state and its slot. When rounding next to an equality leaves no law without it, the site
+    /// stays in both and the answer is no.
+    fn take_out(&mut self, slot: &mut Option<Site>) -> bool {
+        let Some(site) = *slot else { return true };
+        let Ok(law) = self.project(&site.row) else { return false };
+        let cavity = with_site(law, -site.precision, -site.shift);
+        let is_out = is_law(cavity) && self.update(law, cavity).is_ok();
+        if is_out {
+            *slot = None;
+            self.took_out = true;
+        }
+        is_out
+    }
+
+    /// The prior with all sites as they now are, each brought in once: what the state is, without the rounding of sites
+    /// that went in and out. Every step takes something away from the covariance, so it stays one.
+    fn rebuild(&mut self, prior: &(DVector<f64>, DMatrix<f64>), tasks: &[Task]) {
+        self.state.copy_from(&prior.0);
+        self.covariance.copy_from(&prior.1);
+        for site in tasks.iter().flat_map(|task| task.sites.iter().flatten()) {
+            if let Ok(law) = self.project(&site.row) {
+                // A step that is not finite is not taken; the state is then as if without this site.
+                let _ = self.update(law, with_site(law, site.precision, site.shift));
             }
+        }
+    }
+
+    /// Takes all of a constraint's sites out.
+    fn remove_all(&mut self, task: &mut Task) {
+        for slot in &mut task.sites {
+            self.take_out(slot);
         }
     }
 
@@ -415,6 +457,11 @@ impl Engine<'_> {
     }
 }
 
+/// Whether mean and variance make a law.
+fn is_law(law: Gaussian) -> bool {
+    law.mean.is_finite() && law.variance > 0.0 && law.variance.is_finite()
+}
+
 /// A law times exp(−½ precision y² + shift y).
 fn with_site(law: Gaussian, precision: f64, shift: f64) -> Gaussian {
     let denominator = 1.0 + precision * law.variance;
@@ -443,7 +490,8 @@ fn rows_at(
             if is_upper_only && DistanceBounds::is_without_direction(&difference) {
                 return Ok([None; 3]);
             }
-            Ok(bounds.rows(&bounds.direction(&difference, covariance), options.distance_model))
+            let direction = bounds.direction(state, covariance).ok_or(SkipReason::NotFinite)?;
+            Ok(bounds.rows(&direction, covariance, options.distance_model))
         }
     }
 }

@@ -29,8 +29,10 @@ pub enum Method {
 pub enum DistanceModel {
     /// The paper's: minimum ≤ uᵀd ≤ maximum on the line u between the phones.
     Radial,
-    /// |d| ≤ maximum bounds every component of d: −maximum ≤ eᵀd ≤ maximum on the line and on two axes across. A minimum
-    /// above zero bounds the component on the line as in `Radial`.
+    /// Three axes. |d| ≤ maximum bounds every component of d: −maximum ≤ eᵀd ≤ maximum on the line and on two axes across. A
+    /// minimum bounds the component on the line as far as the uncertainty across leaves it: phones whose distance *on the
+    /// line* is short, but unknown to metres across it, need not be pushed apart. So after a violated minimum the distance
+    /// of the means may still be below it. Against rejection sampling this is far nearer to the truth than `Radial`.
     Box,
 }
 

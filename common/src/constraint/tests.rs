@@ -387,15 +387,16 @@ fn distance_rows_are_the_jacobian() {
     let at = state(&[([1.0, -2.0, 0.5], [1.0, 2.0, 3.0]), ([30.0, 44.0, -7.0], [0.0; 3])]);
     let bounds = DistanceBounds { phones: (0, 1), minimum_m: 1.0, maximum_m: 5.0 };
     let direction = bounds.difference(&at).unwrap().normalize();
+    let certain = DMatrix::zeros(18, 18);
     for model in [DistanceModel::Radial, DistanceModel::Box] {
-        let row = bounds.rows(&direction, model)[0].unwrap();
+        let row = bounds.rows(&direction, &certain, model)[0].unwrap();
         let numeric = differences(&distance(1.0, 5.0), &at, 0.0, 1e-2);
         assert!((dense(&row, 18) - numeric).amax() < 1e-6);
         assert!((row.row.times(&at) - distance(1.0, 5.0).value(&at, 0.0).unwrap()).abs() < 1e-8);
     }
     // The axes across are at right angles to it and to each other, near the pole's direction too.
     for direction in [direction, Vector3::z(), Vector3::new(1e-9, 0.0, -1.0).normalize()] {
-        let rows = bounds.rows(&direction, DistanceModel::Box).map(|row| dense(&row.unwrap(), 18));
+        let rows = bounds.rows(&direction, &certain, DistanceModel::Box).map(|row| dense(&row.unwrap(), 18));
         for i in 0..3 {
             for j in 0..3 {
                 let product = rows[i].rows(0, 3).dot(&rows[j].rows(0, 3));
