@@ -25,8 +25,8 @@ const TOLERANCE: f64 = 1e-3;
 /// A refresh that changes a row's mean by less than this many standard deviations, and its variance by less than
 /// this part, has converged.
 const CONVERGED: f64 = 1e-3;
-/// Smallest part of a row's variance that one constraint leaves (1 % of the standard deviation). Taking a site out of
-/// the state again loses digits with the square of this ratio; the mean is not affected.
+/// Smallest part of a row's prior variance that one constraint leaves (1 % of the standard deviation). Taking a site out
+/// of the state again loses digits with the square of this ratio; the mean is not affected.
 const LEAST_VARIANCE: f64 = 1e-4;
 /// Sweeps in which rows are linearised anew. Later ones keep them: with fixed rows the sites settle.
 const LINEARISING_SWEEPS: u32 = 3;
@@ -61,6 +61,8 @@ struct Engine<'a> {
     gain: DVector<f64>,
     /// Whether a site was taken out of the covariance, which costs digits.
     took_out: bool,
+    /// State and covariance as they came.
+    prior: (DVector<f64>, DMatrix<f64>),
 }
 
 /// Applies constraints to a joint Gaussian state, in place, and tells what those did that acted, were violated or could
@@ -82,7 +84,7 @@ pub fn constrain(
     }
     let prior = (state.clone(), covariance.clone());
     let gain = DVector::zeros(state.len());
-    let mut engine = Engine { state, covariance, options, gain, took_out: false };
+    let mut engine = Engine { state, covariance, options, gain, took_out: false, prior };
     let max_sweeps = match options.method {
         Method::Sequential { max_sweeps } | Method::ExpectationPropagation { max_sweeps, .. } => max_sweeps,
     };
@@ -98,9 +100,9 @@ pub fn constrain(
         }
     }
     if engine.took_out {
-        engine.rebuild(&prior, &tasks);
+        engine.rebuild(&tasks);
     }
-    tasks.iter().filter_map(|task| task.report(&prior.0, engine.state, options)).collect()
+    tasks.iter().filter_map(|task| task.report(&engine.prior.0, engine.state, options)).collect()
 }
 
 impl Task {
@@ -364,12 +366,12 @@ impl Engine<'_> {
         }
         let Truncation { moments, enlargements } =
             truncate(cavity, bounded.interval, policy).ok_or(SkipReason::NotFinite)?;
-        let variance = moments.variance.max(LEAST_VARIANCE * cavity.variance);
-        let mut site = Site {
-            row: bounded.row,
-            precision: (1.0 / variance - 1.0 / cavity.variance).max(0.0),
-            shift: moments.mean / variance - cavity.mean / cavity.variance,
-        };
+        let cavity_precision = 1.0 / cavity.variance;
+        let most = 1.0 / (LEAST_VARIANCE * bounded.row.variance(&self.prior.1));
+        let precision = (1.0 / moments.variance - cavity_precision).max(0.0).min(most);
+        // Whatever the precision, the mean becomes that within the interval.
+        let shift = moments.mean * (precision + cavity_precision) - cavity.mean * cavity_precision;
+        let mut site = Site { row: bounded.row, precision, shift };
         if let Method::ExpectationPropagation { damping, .. } = self.options.method
             && former.precision > 0.0
         {
@@ -403,9 +405,9 @@ impl Engine<'_> {
 
     /// The prior with all sites as they now are, each brought in once: what the state is, without the rounding of sites
     /// that went in and out. Every step takes something away from the covariance, so it stays one.
-    fn rebuild(&mut self, prior: &(DVector<f64>, DMatrix<f64>), tasks: &[Task]) {
-        self.state.copy_from(&prior.0);
-        self.covariance.copy_from(&prior.1);
+    fn rebuild(&mut self, tasks: &[Task]) {
+        self.state.copy_from(&self.prior.0);
+        self.covariance.copy_from(&self.prior.1);
         for site in tasks.iter().flat_map(|task| task.sites.iter().flatten()) {
             if let Ok(law) = self.project(&site.row) {
                 // A step that is not finite is not taken; the state is then as if without this site.
