@@ -24,6 +24,8 @@
 pub mod engine;
 pub mod options;
 pub mod rows;
+mod sites;
+mod task;
 pub mod truncation;
 
 use nalgebra::DVector;
