@@ -145,18 +145,14 @@ fn common_errors_do_not_count_in_a_distance() {
 
 #[test]
 fn a_constraint_is_not_applied_twice() {
-    // Two bounds that disturb each other keep coming again. The first must end where truncating the cavity puts it,
-    // not be squeezed further with every sweep.
-    let constraints = [
-        Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 },
-        Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 },
-    ];
+    // However many sweeps: the bound ends where truncating the state without it puts it, and is not squeezed further.
+    let constraints = [Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 }];
     let run = |max_sweeps| {
         let mut mean = state(&[([0.0; 3], [0.0, 0.0, 0.5])]);
         let mut spread = covariance(&[[5.0, 0.5, 0.1]]);
         let method = Method::ExpectationPropagation { max_sweeps, damping: 0.0 };
         let options = ConstraintOptions { method, ..ConstraintOptions::default() };
-        constrain(&mut mean, &mut spread, &constraints[..1], &options);
+        constrain(&mut mean, &mut spread, &constraints, &options);
         (mean, spread)
     };
     let (once, many) = (run(1), run(20));
