@@ -151,7 +151,8 @@ impl JointFilter {
         }
         let steps = (total_s / LONGEST_STEP_S).ceil().max(1.0);
         let step = Step::new(total_s / steps, &self.options.process);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // silent phones are removed long before
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        // silent phones are removed long before
         for _ in 0..steps as u64 {
             self.advance(&step);
         }
@@ -194,10 +195,7 @@ impl JointFilter {
         let at = slot * STATES_PER_PHONE;
         Some(PhoneState {
             mean: self.mean.fixed_rows::<STATES_PER_PHONE>(at).into_owned(),
-            covariance: self
-                .covariance
-                .fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at)
-                .into_owned(),
+            covariance: self.covariance.fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at).into_owned(),
         })
     }
 

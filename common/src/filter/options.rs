@@ -59,11 +59,7 @@ impl Default for FilterOptions {
     /// Our own, for road vehicles; fitted on one session of the recordings and checked on the others, see the README.
     fn default() -> Self {
         Self {
-            process: ProcessNoise {
-                horizontal_m2ps5: 0.5,
-                vertical_m2ps5: 0.005,
-                acceleration_time_s: 5.0,
-            },
+            process: ProcessNoise { horizontal_m2ps5: 0.5, vertical_m2ps5: 0.005, acceleration_time_s: 5.0 },
             code_sigma_scale: 2.0,
             rate_sigma_scale: 1.0,
             robust: RobustWeights { keep: 1.5, reject: 5.0 },

@@ -86,7 +86,13 @@ impl Step {
     }
 
     /// Adds the noise of this step to the phone whose states start at `offset`; `up` is its vertical.
-    pub fn add_noise(&self, covariance: &mut DMatrix<f64>, offset: usize, up: &Vector3<f64>, noise: &ProcessNoise) {
+    pub fn add_noise(
+        &self,
+        covariance: &mut DMatrix<f64>,
+        offset: usize,
+        up: &Vector3<f64>,
+        noise: &ProcessNoise,
+    ) {
         let density = Matrix3::identity() * noise.horizontal_m2ps5
             + up * up.transpose() * (noise.vertical_m2ps5 - noise.horizontal_m2ps5);
         let t = self.dt_s;

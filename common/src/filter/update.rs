@@ -50,7 +50,8 @@ impl JointFilter {
             observations.iter().map(|o| scaled(code_row(o, position, &groups), scale)).collect();
         report.code_factors = self.weight(slot * STATES_PER_PHONE + POSITION, &mut rows, groups.len());
         report.code_used = report.code_factors.iter().filter(|f| **f > 0.0).count();
-        report.code_nis = self.apply(slot * STATES_PER_PHONE + POSITION, &Eliminated::new(&rows, groups.len()));
+        report.code_nis =
+            self.apply(slot * STATES_PER_PHONE + POSITION, &Eliminated::new(&rows, groups.len()));
 
         let velocity = self.mean.fixed_rows::<3>(slot * STATES_PER_PHONE + VELOCITY).into_owned();
         let scale = self.options.rate_sigma_scale.powi(-2);

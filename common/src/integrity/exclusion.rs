@@ -187,7 +187,8 @@ mod tests {
 
     #[test]
     fn bad_geometry_is_named() {
-        let mut low: Vec<(f64, f64)> = (0..8).map(|i| (f64::from(i) * 1.0, 30.0 + f64::from(i % 3))).collect();
+        let mut low: Vec<(f64, f64)> =
+            (0..8).map(|i| (f64::from(i) * 1.0, 30.0 + f64::from(i % 3))).collect();
         low.push((40.0, 33.0));
         let mut observations = Receiver::in_wuhan().observe(&low);
         let report = monitor(&mut observations).report;

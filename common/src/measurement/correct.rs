@@ -117,7 +117,11 @@ impl Corrector {
             Ok(state) => {
                 // dT_s is below a few milliseconds: one step along the velocity is exact to a micrometre.
                 let position = state.position + EcefVector(state.velocity.0 * -state.clock_s);
-                Some(PreparedState { satellite_state: SatelliteState { position, ..state }, observation: *observation, time_gps })
+                Some(PreparedState {
+                    satellite_state: SatelliteState { position, ..state },
+                    observation: *observation,
+                    time_gps,
+                })
             }
             Err(error) => {
                 self.skips.add("no satellite state", || error.to_string());
@@ -150,9 +154,7 @@ impl Corrector {
         PreparedObservation {
             observation: *observation,
             frequency_hz,
-            pseudorange_m: pseudorange_m
-                + SPEED_OF_LIGHT_MPS * state.clock_s
-                + group_delay_m.unwrap_or(0.0),
+            pseudorange_m: pseudorange_m + SPEED_OF_LIGHT_MPS * state.clock_s + group_delay_m.unwrap_or(0.0),
             range_rate_mps: observation
                 .doppler_hz
                 .map(|doppler| -wavelength_m * doppler + SPEED_OF_LIGHT_MPS * state.clock_drift_sps),
@@ -288,8 +290,7 @@ impl View {
             let l1_m = klobuchar_delay_l1_m(&coefficients, geodetic, seen.direction, self.time_gps);
             scale_from_l1(l1_m, prepared.frequency_hz)
         });
-        let troposphere_m =
-            saastamoinen_delay_m(geodetic, seen.direction, self.options.relative_humidity);
+        let troposphere_m = saastamoinen_delay_m(geodetic, seen.direction, self.options.relative_humidity);
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
         let StochasticModel { code, rate } = self.options.stochastic;

@@ -40,7 +40,12 @@ impl Receiver {
             .collect()
     }
 
-    fn observe_one(&self, satellite: SatelliteId, clock_m: f64, direction: Direction) -> CorrectedObservation {
+    fn observe_one(
+        &self,
+        satellite: SatelliteId,
+        clock_m: f64,
+        direction: Direction,
+    ) -> CorrectedObservation {
         let range_m = 2.2e7 + 1e5 * f64::from(satellite.number);
         let (sin_e, cos_e) = direction.elevation_rad.sin_cos();
         let (sin_a, cos_a) = direction.azimuth_rad.sin_cos();

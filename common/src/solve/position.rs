@@ -146,8 +146,7 @@ impl Fit {
         let (a, b) = (&self.rows[i].row, &self.rows[j].row);
         let solved = self.factor.solve(&self.eliminated.centred(b));
         let position_part = self.eliminated.centred(a).dot(&solved);
-        let clock_part =
-            if a.group == b.group { 1.0 / self.eliminated.group_weight(a.group) } else { 0.0 };
+        let clock_part = if a.group == b.group { 1.0 / self.eliminated.group_weight(a.group) } else { 0.0 };
         let noise = if i == j { 1.0 / a.weight } else { 0.0 };
         noise - position_part - clock_part
     }
@@ -166,8 +165,7 @@ impl Fit {
 
     /// Dilution of precision with one clock per group; `None` when the unweighted geometry is singular.
     pub fn dops(&self) -> Option<Dops> {
-        let unweighted: Vec<Row> =
-            self.rows.iter().map(|r| Row { weight: 1.0, y: 0.0, ..r.row }).collect();
+        let unweighted: Vec<Row> = self.rows.iter().map(|r| Row { weight: 1.0, y: 0.0, ..r.row }).collect();
         let eliminated = Eliminated::new(&unweighted, self.groups.len());
         let factor = eliminated.factor()?;
         let covariance = LocalFrame::at(self.position).covariance_ecef_to_enu(&factor.inverse());
@@ -253,8 +251,8 @@ mod tests {
         });
         let weights = nalgebra::DMatrix::from_fn(m, m, |i, j| if i == j { fit.weight(i) } else { 0.0 });
         let normal = design.transpose() * &weights * &design;
-        let dense = weights.try_inverse().unwrap()
-            - &design * normal.cholesky().unwrap().solve(&design.transpose());
+        let dense =
+            weights.try_inverse().unwrap() - &design * normal.cholesky().unwrap().solve(&design.transpose());
         for i in 0..m {
             for j in 0..m {
                 assert!((fit.residual_covariance(i, j) - dense[(i, j)]).abs() < 1e-9, "{i} {j}");
