@@ -2,6 +2,7 @@
 //!
 //! - The first epoch waits until somebody listens.
 //! - The last messages are kept, so that a hub that comes late or reconnects gets what it missed, in order.
+//! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until that is all of them.
 
 use std::time::{Duration, Instant};
@@ -89,7 +90,7 @@ impl Publication {
         Ok(Self {
             group: group.to_owned(),
             phone: phone.to_owned(),
-            receipt_key: receipt_key(group, phone)?,
+            receipt_key: format!("{}?run={}", receipt_key(group, phone)?, session.zid()),
             session,
             epochs,
             status,

@@ -117,7 +117,8 @@ impl Engine {
         if !self.filter.is_empty() && message.time_gps < self.filter.time_gps() {
             let (name, time) = (&message.phone, message.time_gps);
             let late_s = self.filter.time_gps() - time;
-            self.skips.add("epoch before the filter's time", || format!("{name} at {time}, {late_s:.3} s late"));
+            self.skips
+                .add("epoch before the filter's time", || format!("{name} at {time}, {late_s:.3} s late"));
             return;
         }
         self.filter.predict(message.time_gps);
@@ -203,8 +204,10 @@ impl Engine {
     }
 
     fn distance(&self, named: Constraint, on_slots: Constraint) -> Option<PairDistance> {
-        let (Constraint::Distance { phones, minimum_m, maximum_m }, Constraint::Distance { phones: (a, b), .. }) =
-            (named, on_slots)
+        let (
+            Constraint::Distance { phones, minimum_m, maximum_m },
+            Constraint::Distance { phones: (a, b), .. },
+        ) = (named, on_slots)
         else {
             return None;
         };

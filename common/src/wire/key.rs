@@ -5,7 +5,7 @@
 //! | `cofix/<group>/phone/<phone>/epoch` | [`EpochMessage`](super::EpochMessage)s of an agent |
 //! | `cofix/<group>/phone/<phone>/status` | [`StatusMessage`](super::StatusMessage)s of an agent |
 //! | `cofix/<group>/phone/<phone>/alive` | liveliness token of an agent |
-//! | `cofix/<group>/phone/<phone>/receipt` | query to the hub: how many epochs of the agent's run it has, as decimal text |
+//! | `cofix/<group>/phone/<phone>/receipt` | query to the hub, with `?run=<Zenoh id of the agent>`: how many epochs of that run it has, as decimal text |
 //! | `cofix/<group>/fused/<phone>` | [`FusedMessage`](super::FusedMessage)s of the hub |
 
 /// Longest name of a group or phone, bytes.
