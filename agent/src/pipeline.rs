@@ -7,7 +7,8 @@ use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::integrity::{Monitored, RaimOptions, solve_with_raim};
 use cofix_common::measurement::{
-    CorrectedObservation, CorrectionOptions, Corrector, PreparedObservation, without_position,
+    CorrectedObservation, CorrectionOptions, Corrector, PreparedObservation, StochasticModel,
+    without_position,
 };
 use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
@@ -27,6 +28,15 @@ pub struct PipelineOptions {
     pub raim: RaimOptions,
     /// The local filter.
     pub filter: FilterOptions,
+}
+
+impl PipelineOptions {
+    /// The stochastic model and filter of Peng 2023; masks, corrections and RAIM as by default.
+    pub fn peng2023() -> Self {
+        let correction =
+            CorrectionOptions { stochastic: StochasticModel::peng2023(), ..CorrectionOptions::default() };
+        Self { correction, filter: FilterOptions::peng2023(), raim: RaimOptions::default() }
+    }
 }
 
 /// One phone's pipeline.

@@ -1,8 +1,11 @@
 //! RINEX files: recordings where they are at hand, small ones written here everywhere.
 
+#![allow(clippy::unwrap_used)] // helpers of tests
+
 use std::path::PathBuf;
 
-use cofix_common::rinex::{NavigationFile, ObservationFile};
+use cofix_common::gnss::{EpochFlag, Observation, ObservationEpoch};
+use cofix_common::rinex::{NavigationFile, ObservationDecoder, ObservationFile, RinexError};
 
 fn shared(path: &str) -> Option<Vec<u8>> {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(path);
@@ -40,6 +43,7 @@ fn recordings_have_all_their_epochs() {
             file.skips
         );
         assert_eq!(file.epochs.len(), epochs, "{path}");
+        assert!(file.skips.is_empty(), "{path}: {}", file.skips);
     }
 }
 
@@ -55,4 +59,223 @@ fn navigation_files_are_read() {
         let file = NavigationFile::parse(&bytes).unwrap();
         println!("{path}: {} ephemerides, {:?}, {}", file.ephemerides.len(), file.ionosphere, file.skips);
     }
+}
+
+fn find<'a>(epoch: &'a ObservationEpoch, satellite: &str, signal: &str) -> &'a Observation {
+    let named = |o: &&Observation| o.satellite.to_string() == satellite && o.signal.to_string() == signal;
+    epoch.observations.iter().find(named).unwrap()
+}
+
+#[test]
+fn recordings_have_the_values_that_are_printed() {
+    let Some(bytes) = shared("data/whu-wuhan-2020-08-13/WH-3-08/HP30.rnx") else { return };
+    let file = ObservationFile::parse(&bytes).unwrap();
+    assert_eq!(file.header.version, 304);
+    assert_eq!(file.header.marker_name, "HP30");
+    assert_eq!(file.header.receiver_type, "HUAWEI P30");
+    let first = &file.epochs[0];
+    assert_eq!(first.time_gps, "2020-08-13T14:19:01.999759".parse().unwrap());
+    let g10 = find(first, "G10", "5X");
+    assert_eq!(g10.pseudorange_m, Some(21_111_615.124));
+    assert_eq!(g10.carrier_phase_cycles, Some(12_459.633));
+    assert_eq!(g10.doppler_hz, Some(-1_882.131));
+    assert_eq!(g10.cn0_dbhz, Some(35.0));
+    let g22 = find(first, "G22", "1C");
+    assert_eq!((g22.pseudorange_m, g22.carrier_phase_cycles), (Some(25_058_881.092), None));
+    assert!(!first.observations.iter().any(|o| o.satellite == g22.satellite && o.signal != g22.signal));
+}
+
+#[test]
+fn a_geodetic_receivers_file_has_all_bands() {
+    let Some(bytes) = shared("oracle/inputs/mat_rover.obs.gz") else { return };
+    let file = ObservationFile::parse(&bytes).unwrap();
+    assert_eq!(file.epochs.len(), 301);
+    assert!(file.skips.is_empty(), "{}", file.skips);
+    assert_eq!(file.header.glonass_channels.get(&2), Some(&-4));
+    let c02 = find(&file.epochs[0], "C02", "7I");
+    assert_eq!(c02.carrier_phase_cycles, Some(157_502_405.032));
+    assert_eq!(c02.cn0_dbhz, Some(40.594));
+}
+
+#[test]
+fn a_phones_own_file_is_read() {
+    let Some(bytes) = shared("data/pixel6-2023/pixel6.23o") else { return };
+    let file = ObservationFile::parse(&bytes).unwrap();
+    println!("{} epochs, {}", file.epochs.len(), file.skips);
+    assert_eq!(file.header.glonass_channels.len(), 6);
+    let g04 = find(&file.epochs[0], "G04", "1C");
+    assert_eq!(g04.pseudorange_m, Some(23_440_243.757));
+    assert!(g04.loss_of_lock.half_cycle && !g04.loss_of_lock.cycle_slip);
+}
+
+/// A header line: content and label.
+fn header(content: &str, label: &str) -> String {
+    format!("{content:<60}{label}\n")
+}
+
+fn small_file(version: &str, time_system: &str, extra: &str, body: &str) -> String {
+    header(&format!("     {version}           OBSERVATION DATA    M"), "RINEX VERSION / TYPE")
+        + &header("G    4 C1C L1C D1C S1C", "SYS / # / OBS TYPES")
+        + &header("C    2 C2I S2I", "SYS / # / OBS TYPES")
+        + extra
+        + &header(
+            &format!("  2020     8    13    14    19    2.0000000     {time_system}"),
+            "TIME OF FIRST OBS",
+        )
+        + &header("", "END OF HEADER")
+        + body
+}
+
+fn read(body: &str) -> ObservationFile {
+    ObservationFile::parse(small_file("3.04", "GPS", "", body).as_bytes()).unwrap()
+}
+
+const EPOCH_2: &str = "> 2020 08 13 14 19  2.0000000  0  1\n";
+const G10: &str = "G10  21111612.436   291795067.81413     -2520.506          37.000\n";
+
+#[test]
+fn events_and_slip_records_are_stepped_over() {
+    let body = format!(
+        "{EPOCH_2}{G10}>                              4  2\n{}{}> 2020 08 13 14 19  3.0000000  6  1\n{G10}\
+         > 2020 08 13 14 19  3.0000000  5  0\n> 2020 08 13 14 19  4.0000000  1  1\n{}",
+        header("new antenna", "COMMENT"),
+        header("G    1 S1C", "SYS / # / OBS TYPES"),
+        "G10        37.000\n",
+    );
+    let file = read(&body);
+    assert_eq!(file.epochs.len(), 2, "{}", file.skips);
+    let slip = find(&file.epochs[0], "G10", "1C").loss_of_lock;
+    assert!(slip.cycle_slip && !slip.half_cycle);
+    // The event brought a new list of observation types.
+    assert_eq!(file.epochs[1].flag, EpochFlag::PowerFailure);
+    assert_eq!(find(&file.epochs[1], "G10", "1C").cn0_dbhz, Some(37.0));
+    assert_eq!((file.skips.count("event records"), file.skips.count("cycle slip records")), (2, 1));
+}
+
+#[test]
+fn damage_costs_only_what_is_damaged() {
+    let lines = [
+        "> 2020 08 13 14 19  2.0000000  0  9\r\n",
+        "G01  21111612.436   291795067.814             NaN          37.000\r\n",
+        "G02    111612.436   291795067.814       99999.000          99.000\r\n",
+        "G03  2111161.436   291795067.814       -2520.506          37.000\r\n",
+        "X04  21111612.436\r\n",
+        "R05  21111612.436\r\n",
+        "G01  21111612.436\r\n",
+        "G06         0.000                                           0.000\r\n",
+        "C07  36678876.628          29.000\r\n",
+        "G08  21111612.4\r\n",
+    ];
+    let file = read(&lines.concat());
+    println!("{}", file.skips);
+    let epoch = &file.epochs[0];
+    let satellites: Vec<String> = epoch.observations.iter().map(|o| o.satellite.to_string()).collect();
+    assert_eq!(satellites, ["G01", "G02", "C07"]);
+    let g01 = find(epoch, "G01", "1C");
+    assert_eq!((g01.pseudorange_m, g01.doppler_hz, g01.cn0_dbhz), (Some(21_111_612.436), None, Some(37.0)));
+    let g02 = find(epoch, "G02", "1C");
+    assert_eq!((g02.pseudorange_m, g02.carrier_phase_cycles), (None, Some(291_795_067.814)));
+    for (reason, count) in [
+        ("value is not F14.3", 6),
+        ("pseudorange outside 1e6 to 1e9 m", 1),
+        ("Doppler beyond 50000 Hz", 1),
+        ("C/N0 outside 0 to 70 dB-Hz", 1),
+        ("unknown satellite", 1),
+        ("satellite of a system without observation types", 1),
+        ("satellite twice in one epoch", 1),
+    ] {
+        assert_eq!(file.skips.count(reason), count, "{reason}: {}", file.skips);
+    }
+}
+
+#[test]
+fn epochs_come_in_order_and_once() {
+    let epoch = |text: &str| format!("> {text}  0  1\n{G10}");
+    let body = [
+        "2020 08 13 14 19  2.0000000",
+        "2020 08 13 14 19  2.0000000",
+        "2020 08 13 14 19  1.0000000",
+        "2030 08 13 14 19  3.0000000",
+        "2020 08 13 14 19  3.0000000",
+        "2020 13 13 14 19  4.0000000",
+        "2020 08 13 14 19  5.0000000",
+    ]
+    .map(epoch)
+    .concat();
+    let file = read(&body);
+    let seconds: Vec<f64> = file.epochs.iter().map(|e| e.time_gps.calendar().second).collect();
+    assert_eq!(seconds, [2.0, 3.0, 5.0]);
+    for reason in [
+        "epoch repeats the time of the one before",
+        "epoch steps back in time",
+        "epoch jumps by more than a day",
+        "epoch line cannot be read",
+    ] {
+        assert_eq!(file.skips.count(reason), 1, "{reason}: {}", file.skips);
+    }
+}
+
+#[test]
+fn short_epochs_and_a_cut_end_are_told_apart() {
+    let body =
+        format!("> 2020 08 13 14 19  2.0000000  0  2\n{G10}> 2020 08 13 14 19  3.0000000  0  2\n{G10}");
+    let file = read(&body);
+    assert_eq!(file.epochs.len(), 1);
+    assert_eq!(file.skips.count("epoch has fewer satellites than announced"), 1);
+    assert_eq!(file.skips.count("last epoch is cut off"), 1);
+    let (_, cut) = file.skips.iter().find(|(reason, _)| *reason == "last epoch is cut off").unwrap();
+    assert!(cut.first.starts_with("line 8: 2020-08-13T14:19:03.000: 1 of 2"), "{}", cut.first);
+}
+
+#[test]
+fn time_systems_become_gps_time() {
+    let body = format!("{EPOCH_2}{G10}");
+    let leap = header("    18", "LEAP SECONDS");
+    let first = |system: &str, extra: &str| {
+        ObservationFile::parse(small_file("3.04", system, extra, &body).as_bytes())
+            .map(|file| file.epochs[0].time_gps.calendar().second)
+    };
+    assert_eq!(first("GPS", ""), Ok(2.0));
+    assert_eq!(first("GAL", ""), Ok(2.0));
+    assert_eq!(first("BDT", ""), Ok(16.0));
+    assert_eq!(first("GLO", &leap), Ok(20.0));
+    assert_eq!(first("GLO", ""), Err(RinexError::LeapSecondsUnknown { system: "GLO".to_owned() }));
+    assert_eq!(first("XYZ", ""), Err(RinexError::TimeSystem { found: "XYZ".to_owned() }));
+}
+
+#[test]
+fn other_files_are_refused_with_what_was_found() {
+    let message = |bytes: &[u8]| ObservationFile::parse(bytes).unwrap_err().to_string();
+    for version in ["2.10", "2.11", "4.00", "x.yz"] {
+        let error = message(small_file(version, "GPS", "", "").as_bytes());
+        assert!(error.contains(version), "{error}");
+    }
+    let navigation = header("     3.04           N: GNSS NAV DATA    M: MIXED", "RINEX VERSION / TYPE");
+    assert!(message(navigation.as_bytes()).contains("N: GNSS NAV DATA"));
+    assert!(message(b"Raw,12345,6789\n").contains("Raw,12345,6789"));
+    assert_eq!(message(b""), RinexError::HeaderIncomplete { lines: 0 }.to_string());
+    let hatanaka = header("3.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE");
+    assert!(message(hatanaka.as_bytes()).contains("crx2rnx"));
+}
+
+#[test]
+fn scale_factors_and_old_beidou_codes_are_understood() {
+    let extra = header("G   10   1 D1C", "SYS / SCALE FACTOR") + &header("C    1 C1I", "SYS / # / OBS TYPES");
+    let body = format!("{EPOCH_2}G10  21111612.436                      -25205.060\n");
+    let file = ObservationFile::parse(small_file("3.02", "GPS", &extra, &body).as_bytes()).unwrap();
+    assert_eq!(find(&file.epochs[0], "G10", "1C").doppler_hz, Some(-2_520.506));
+    let beidou = file.header.observation_types.values().last().unwrap();
+    assert_eq!(beidou[0].signal.to_string(), "2I");
+}
+
+#[test]
+fn an_epoch_is_given_with_its_last_line() {
+    let text = small_file("3.04", "GPS", "", &format!("{EPOCH_2}{G10}"));
+    let mut decoder = ObservationDecoder::default();
+    let lines: Vec<&str> = text.lines().collect();
+    for (index, line) in (1_u64..).zip(&lines) {
+        let epoch = decoder.line(index, line.as_bytes()).unwrap();
+        assert_eq!(epoch.is_some(), index == lines.len() as u64);
+    }
+    assert!(decoder.finish().is_ok() && decoder.header().is_some() && decoder.skips().is_empty());
 }

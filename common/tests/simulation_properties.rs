@@ -304,3 +304,11 @@ fn a_long_drive_over_the_end_of_a_week_fits_too() {
     assert!(worst_m < 0.01, "{worst_m}");
     assert_eq!(count, 180);
 }
+
+#[test]
+fn a_scenario_shorter_than_a_phones_absence_gives_no_epochs() {
+    let simulation = simulation(Scenario { duration_s: 5.0, ..Scenario::default() });
+    assert_eq!(epochs(&simulation, 0).len(), 5);
+    assert!(epochs(&simulation, 2).is_empty());
+    assert!(epochs(&simulation, 99).is_empty());
+}

@@ -26,6 +26,13 @@ pub struct EngineOptions {
     pub constraints: ConstraintOptions,
 }
 
+impl EngineOptions {
+    /// Filter and constraints of Peng 2023.
+    pub fn peng2023() -> Self {
+        Self { filter: FilterOptions::peng2023(), constraints: ConstraintOptions::peng2023() }
+    }
+}
+
 /// One fused epoch of the group.
 #[derive(Clone, Debug)]
 pub struct FusedEpoch {

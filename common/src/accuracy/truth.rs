@@ -50,6 +50,10 @@ pub enum TruthError {
     },
 }
 
+/// A stated velocity this far from the positions' central difference is not believed, m/s. Hard braking over a second
+/// stays below it.
+const VELOCITY_TOLERANCE_MPS: f64 = 3.0;
+
 const COLUMNS: [&str; 9] = [
     "gps_week",
     "gps_tow_s",
@@ -155,7 +159,35 @@ impl Truth {
             rows.windows(2).filter_map(|w| Some(w.last()?.time_gps - w.first()?.time_gps)).collect();
         steps.sort_by(f64::total_cmp);
         let interval_s = steps.get(steps.len() / 2).copied().unwrap_or(1.0);
-        Self { rows, interval_s }
+        let mut truth = Self { rows, interval_s };
+        truth.check_velocities(skips);
+        truth
+    }
+
+    /// Replaces stated velocities that the positions contradict: columns may be swapped or in another unit, and
+    /// interpolation would follow them.
+    fn check_velocities(&mut self, skips: &mut Skips) {
+        let differences: Vec<Option<EcefVector>> =
+            (0..self.rows.len()).map(|index| self.central_difference(index)).collect();
+        for (row, difference) in self.rows.iter_mut().zip(differences) {
+            let Some(from_positions) = difference else { continue };
+            let contradiction_mps = (row.point.velocity.0 - from_positions.0).norm();
+            if contradiction_mps > VELOCITY_TOLERANCE_MPS {
+                skips.add("stated velocity contradicts the positions, which are followed", || {
+                    format!("{} by {contradiction_mps:.1} m/s; are its columns swapped?", row.time_gps)
+                });
+                row.point.velocity = from_positions;
+            }
+        }
+    }
+
+    /// Velocity at a row from its two neighbours, when both are one interval away.
+    fn central_difference(&self, index: usize) -> Option<EcefVector> {
+        let before = self.rows.get(index.checked_sub(1)?)?;
+        let after = self.rows.get(index + 1)?;
+        let span_s = after.time_gps - before.time_gps;
+        (span_s <= 2.5 * self.interval_s)
+            .then(|| EcefVector((after.point.position - before.point.position).0 / span_s))
     }
 
     /// Median spacing of the rows, s.
@@ -237,6 +269,18 @@ mod tests {
         ));
         assert!(matches!(table(""), Err(TruthError::Empty { rows: 0, .. })));
         assert!(Truth::parse_csv(&[0xff, 0xfe, 0, 1]).is_err());
+    }
+
+    #[test]
+    fn swapped_velocity_columns_are_noticed_and_not_followed() {
+        // 16 m/s north; the table says east.
+        let row = |i: i32| format!("2118,{i},{},114,20,0,16,0,1", 30.0 + f64::from(i) * 1.4432e-4);
+        let rows = (0..5).map(row).collect::<Vec<_>>().join("\n");
+        let (truth, skips) = table(&rows).unwrap();
+        assert_eq!(skips.count("stated velocity contradicts the positions, which are followed"), 3);
+        let middle = truth.at(GpsTime::from_week_tow(2118, 2.0), &[1]).unwrap();
+        let velocity = LocalFrame::at(middle.position).vector_ecef_to_enu(middle.velocity);
+        assert!((velocity.north - 16.0).abs() < 0.01 && velocity.east.abs() < 0.01, "{velocity:?}");
     }
 
     #[test]

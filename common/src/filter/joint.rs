@@ -162,6 +162,8 @@ impl JointFilter {
     fn advance(&mut self, step: &Step) {
         step.advance_mean(&mut self.mean);
         step.advance_covariance(&mut self.covariance);
+        // Columns and rows were rounded in a different order; P is symmetric to the last bit everywhere else.
+        self.covariance.fill_upper_triangle_with_lower_triangle();
         for slot in 0..self.slots.len() {
             let up = self.vertical(slot);
             step.add_noise(&mut self.covariance, slot * STATES_PER_PHONE, &up, &self.options.process);

@@ -62,7 +62,7 @@ impl Default for FilterOptions {
             process: ProcessNoise { horizontal_m2ps5: 0.5, vertical_m2ps5: 0.005, acceleration_time_s: 5.0 },
             code_sigma_scale: 2.0,
             rate_sigma_scale: 1.0,
-            robust: RobustWeights { keep: 1.5, reject: 5.0 },
+            robust: RobustWeights { keep: 2.0, reject: 8.0 },
             maximum_gap_s: 10.0,
         }
     }

@@ -96,7 +96,7 @@ impl JointFilter {
 
     /// Applies the information (A, b) about the three states at `at`; returns the NIS and its degrees of freedom.
     fn apply(&mut self, at: usize, eliminated: &Eliminated) -> (f64, usize) {
-        let (root, rows) = compress(&eliminated.normal, &eliminated.rhs);
+        let (root, rows) = compress(eliminated);
         let mut correction = Vector3::zeros();
         let mut nis = 0.0;
         let mut degrees = 0;
@@ -120,10 +120,10 @@ impl JointFilter {
         let s = h.dot(&ph.fixed_rows::<3>(at)) + 1.0;
         let gain = &ph / s;
         self.mean.axpy(innovation, &gain, 1.0);
-        let n = self.mean.len();
-        for (j, column) in self.covariance.as_mut_slice().chunks_exact_mut(n).enumerate() {
-            let (kj, pj) = (gain[j], ph[j]);
-            for ((value, ki), pi) in column.iter_mut().zip(gain.iter()).zip(ph.iter()) {
+        let (n, gain, ph) = (self.mean.len(), gain.as_slice(), ph.as_slice());
+        for (column, (kj, pj)) in self.covariance.as_mut_slice().chunks_exact_mut(n).zip(gain.iter().zip(ph))
+        {
+            for (value, (ki, pi)) in column.iter_mut().zip(gain.iter().zip(ph)) {
                 // Written so that (i, j) and (j, i) round alike: P stays symmetric to the last bit.
                 *value += s * (ki * kj) - (ki * pj + pi * kj);
             }
@@ -137,12 +137,12 @@ fn scaled(row: Row, factor: f64) -> Row {
 }
 
 /// L and z = L⁻¹b for A = LLᵀ; a direction without information gives a zero column.
-fn compress(normal: &Matrix3<f64>, rhs: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
-    let floor = 1e-12 * normal.diagonal().max();
+fn compress(eliminated: &Eliminated) -> (Matrix3<f64>, Vector3<f64>) {
+    let Eliminated { normal, rhs, floor, .. } = eliminated;
     let (mut root, mut z) = (Matrix3::zeros(), Vector3::zeros());
     for j in 0..3 {
         let pivot = normal[(j, j)] - (0..j).map(|k| root[(j, k)] * root[(j, k)]).sum::<f64>();
-        if pivot.is_nan() || pivot <= floor {
+        if pivot.is_nan() || pivot <= *floor {
             continue;
         }
         let diagonal = pivot.sqrt();

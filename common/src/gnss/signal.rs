@@ -99,10 +99,10 @@ mod tests {
     #[test]
     fn frequencies_follow_the_constellation() {
         let b1i = SignalCode::new(b'2', b'I');
-        assert_eq!(b1i.frequency_hz(Constellation::Beidou, None), Some(1_561.098e6));
-        assert_eq!(b1i.frequency_hz(Constellation::Gps, None), Some(1_227.60e6));
+        assert_eq!(b1i.frequency_hz(Constellation::Beidou, None), Some(1_561_098_000.0));
+        assert_eq!(b1i.frequency_hz(Constellation::Gps, None), Some(1_227_600_000.0));
         let g1 = SignalCode::new(b'1', b'C');
         assert_eq!(g1.frequency_hz(Constellation::Glonass, None), None);
-        assert_eq!(g1.frequency_hz(Constellation::Glonass, Some(-7)), Some(1_598.0625e6));
+        assert_eq!(g1.frequency_hz(Constellation::Glonass, Some(-7)), Some(1_598_062_500.0));
     }
 }

@@ -64,10 +64,7 @@ pub fn solve_with_raim(
     let mut fit = solve_position(observations, start);
     let mut excluded = 0_u16;
     let verdict = loop {
-        let solved = match &fit {
-            Ok(solved) => solved,
-            Err(_) => break Verdict::CannotBeChecked,
-        };
+        let Ok(solved) = &fit else { break Verdict::CannotBeChecked };
         let Some(test) = global_test(solved, options) else { break Verdict::CannotBeChecked };
         if test.statistic <= test.threshold {
             break geometry_verdict(solved.dops(), options.dop_limits);
@@ -81,16 +78,12 @@ pub fn solve_with_raim(
         let Some(index) = candidate else { break Verdict::Unreliable(Cause::TestsFailed) };
         let position = solved.position();
         observations[index].usage = Usage::Excluded;
-        match solve_position(observations, position) {
-            Ok(next) => {
-                excluded += 1;
-                fit = Ok(next);
-            }
-            Err(_) => {
-                observations[index].usage = Usage::Used;
-                break Verdict::Unreliable(Cause::TestsFailed);
-            }
-        }
+        let Ok(next) = solve_position(observations, position) else {
+            observations[index].usage = Usage::Used;
+            break Verdict::Unreliable(Cause::TestsFailed);
+        };
+        excluded += 1;
+        fit = Ok(next);
     };
     let global_test = fit.as_ref().ok().and_then(|fit| global_test(fit, options));
     Monitored { fit, report: RaimReport { verdict, global_test, excluded } }

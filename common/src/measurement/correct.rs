@@ -4,10 +4,12 @@
 use std::sync::Arc;
 
 use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
-use crate::atmosphere::{klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1};
+use crate::atmosphere::{
+    STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
+};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
-use crate::gnss::{Observation, ObservationEpoch};
+use crate::gnss::{Constellation, Observation, ObservationEpoch};
 use crate::orbit::{Products, SatelliteState};
 use crate::skips::Skips;
 use crate::time::GpsTime;
@@ -23,6 +25,9 @@ pub struct CorrectionOptions {
     pub stochastic: StochasticModel,
     /// Standard deviation that stands for a group delay which no product knows, m.
     pub unknown_group_delay_sigma_m: f64,
+    /// Standard deviation of BeiDou's clocks and group delays together, m. Theirs is larger than the others': TGD1 goes into
+    /// B1I with a factor of 1.94 on precise clocks, and second- and third-generation satellites differ in receivers.
+    pub beidou_bias_sigma_m: f64,
     /// Relative humidity of the standard atmosphere, 0-1.
     pub relative_humidity: f64,
 }
@@ -30,11 +35,12 @@ pub struct CorrectionOptions {
 impl Default for CorrectionOptions {
     fn default() -> Self {
         Self {
-            elevation_mask_rad: 10_f64.to_radians(),
+            elevation_mask_rad: 7.5_f64.to_radians(),
             minimum_cn0_dbhz: 15.0,
             stochastic: StochasticModel::default(),
-            unknown_group_delay_sigma_m: 1.0,
-            relative_humidity: 0.5,
+            unknown_group_delay_sigma_m: 2.0,
+            beidou_bias_sigma_m: 2.0,
+            relative_humidity: STANDARD_RELATIVE_HUMIDITY,
         }
     }
 }
@@ -144,7 +150,8 @@ impl Corrector {
             state.clock_reference,
             prepared.time_gps,
         );
-        let unknown = self.options.unknown_group_delay_sigma_m;
+        let CorrectionOptions { unknown_group_delay_sigma_m: unknown, beidou_bias_sigma_m: beidou, .. } =
+            self.options;
         if group_delay_m.is_none() {
             self.skips.add("group delay unknown, used with a larger sigma", || {
                 format!("{} {}", observation.satellite, observation.signal)
@@ -161,7 +168,12 @@ impl Corrector {
             position: state.position,
             velocity: state.velocity,
             extra_variance_m2: state.sigma_m.powi(2)
-                + if group_delay_m.is_none() { unknown * unknown } else { 0.0 },
+                + if group_delay_m.is_none() { unknown * unknown } else { 0.0 }
+                + if observation.satellite.constellation == Constellation::Beidou {
+                    beidou * beidou
+                } else {
+                    0.0
+                },
         }
     }
 

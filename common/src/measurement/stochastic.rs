@@ -79,8 +79,8 @@ impl Default for StochasticModel {
     /// Our own, fitted on one session of the recordings and checked on the others; see the README.
     fn default() -> Self {
         Self {
-            code: VarianceModel::Cn0 { a: 1.0, b: 20_000.0 },
-            rate: VarianceModel::Cn0 { a: 0.01, b: 100.0 },
+            code: VarianceModel::Sum { a: 1.0, b: 20_000.0, zenith: 0.5 },
+            rate: VarianceModel::Cn0 { a: 0.08, b: 400.0 },
         }
     }
 }

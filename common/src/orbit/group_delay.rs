@@ -2,7 +2,7 @@
 //!
 //! A satellite clock refers to one signal or combination; another signal leaves the satellite earlier or later.
 //! All terms are metres to be *added* to a pseudorange, along with c·dT_s. IS-GPS-200, 20.3.3.3.3.2; Galileo OS
-//! SIS ICD, 5.1.5; BDS-SIS-ICD-B1I, 5.2.4.10; IS-QZSS-PNT, 5.8.2.
+//! SIS ICD, 5.1.5; BDS-SIS-ICD-B1I, 5.2.4.10; IS-QZSS-PNT.
 
 use super::{ClockReference, NavigationMessage};
 use crate::constants::SPEED_OF_LIGHT_MPS;
@@ -91,4 +91,94 @@ fn ratio_squared(constellation: Constellation, a: u8, b: u8) -> Option<f64> {
     let frequency = |band: u8| SignalCode::new(band, b'X').frequency_hz(constellation, None);
     let ratio = frequency(a)? / frequency(b)?;
     Some(ratio * ratio)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ClockReference::{Broadcast, IonosphereFree};
+    use Constellation::{Beidou, Galileo, Gps};
+    use NavigationMessage::{BeidouD1D2, GalileoFnav, GalileoInav, Lnav};
+
+    const DELAYS: GroupDelays = GroupDelays { first_s: 1e-9, second_s: 4e-9 };
+
+    fn correction_ns(
+        constellation: Constellation,
+        band: u8,
+        reference: ClockReference,
+        message: NavigationMessage,
+    ) -> Option<f64> {
+        let signal = SignalCode::new(band, b'X');
+        let metres = DELAYS.correction_m(constellation, signal, reference, message)?;
+        Some(metres / SPEED_OF_LIGHT_MPS * 1e9)
+    }
+
+    /// The clock of a combination of two signals, from the corrections of both, must be the combination's own:
+    /// weighting with f² makes the terms cancel.
+    fn combined(
+        constellation: Constellation,
+        (a, b): (u8, u8),
+        reference: ClockReference,
+        message: NavigationMessage,
+    ) -> f64 {
+        let gamma = ratio_squared(constellation, a, b).unwrap();
+        let (a, b) = (
+            correction_ns(constellation, a, reference, message).unwrap(),
+            correction_ns(constellation, b, reference, message).unwrap(),
+        );
+        (gamma * a - b) / (gamma - 1.0)
+    }
+
+    #[test]
+    fn the_pair_that_a_clock_refers_to_needs_no_correction() {
+        for (constellation, pair, reference, message) in [
+            (Gps, (b'1', b'2'), Broadcast, Lnav),
+            (Gps, (b'1', b'2'), IonosphereFree, Lnav),
+            (Galileo, (b'1', b'7'), Broadcast, GalileoInav),
+            (Galileo, (b'1', b'5'), Broadcast, GalileoFnav),
+            (Galileo, (b'1', b'5'), IonosphereFree, GalileoInav),
+            (Beidou, (b'2', b'6'), IonosphereFree, BeidouD1D2),
+        ] {
+            let left = combined(constellation, pair, reference, message);
+            assert!(left.abs() < 1e-12, "{constellation:?} {pair:?} {reference:?}: {left} ns");
+        }
+    }
+
+    #[test]
+    fn single_signals_have_the_icds_terms() {
+        let close = |value: Option<f64>, expected: f64| {
+            assert!((value.unwrap() - expected).abs() < 1e-3, "{value:?}");
+        };
+        close(correction_ns(Gps, b'1', Broadcast, Lnav), -1.0);
+        close(correction_ns(Gps, b'2', Broadcast, Lnav), -1.647);
+        close(correction_ns(Galileo, b'1', Broadcast, GalileoInav), -4.0);
+        close(correction_ns(Galileo, b'1', Broadcast, GalileoFnav), -1.0);
+        close(correction_ns(Galileo, b'5', IonosphereFree, GalileoInav), -1.793);
+        close(correction_ns(Beidou, b'2', Broadcast, BeidouD1D2), -1.0);
+        close(correction_ns(Beidou, b'6', Broadcast, BeidouD1D2), 0.0);
+        close(correction_ns(Beidou, b'2', IonosphereFree, BeidouD1D2), 1.944);
+        assert_eq!(correction_ns(Gps, b'5', Broadcast, Lnav), None);
+        assert_eq!(correction_ns(Beidou, b'5', Broadcast, BeidouD1D2), None);
+        assert_eq!(correction_ns(Constellation::Glonass, b'1', Broadcast, Lnav), None);
+    }
+
+    /// The two Galileo messages' clocks differ by their group delays, so the corrected E5a and E5b agree.
+    #[test]
+    fn both_galileo_messages_lead_to_the_same_signal_clock() {
+        let between = |band: u8| {
+            correction_ns(Galileo, band, Broadcast, GalileoInav).unwrap()
+                - correction_ns(Galileo, band, Broadcast, GalileoFnav).unwrap()
+        };
+        assert!((between(b'1') - between(b'5')).abs() < 1e-12);
+        assert!((between(b'1') - between(b'7')).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_missing_delay_is_not_taken_for_zero() {
+        let unknown = GroupDelays { first_s: f64::NAN, second_s: f64::NAN };
+        assert_eq!(unknown.correction_m(Gps, SignalCode::new(b'1', b'C'), Broadcast, Lnav), None);
+        let b3 = SignalCode::new(b'6', b'I');
+        assert_eq!(unknown.correction_m(Beidou, b3, Broadcast, BeidouD1D2), Some(0.0));
+        assert_eq!(unknown.correction_m(Beidou, b3, IonosphereFree, BeidouD1D2), None);
+    }
 }

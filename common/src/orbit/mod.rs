@@ -2,14 +2,12 @@
 
 mod broadcast;
 mod group_delay;
-mod ionosphere;
 mod kepler;
 mod precise;
 mod products;
 mod sp3;
 
 pub use broadcast::is_healthy;
-pub use ionosphere::KlobucharCoefficients;
 pub use kepler::{KeplerEphemeris, NavigationMessage};
 pub use precise::{MAX_NODES, MIN_NODES};
 pub use products::Products;

@@ -71,7 +71,7 @@ pub(super) struct PreciseOrbit {
 }
 
 impl PreciseOrbit {
-    /// Adds positions of one file, in time order. Positions that are already covered are dropped.
+    /// Adds positions of one file, in time order. Those that a run of the same interval covers already are dropped.
     pub(super) fn add(&mut self, interval_s: f64, positions: &[Sp3Position]) {
         for node in positions {
             self.push(interval_s, node);
@@ -79,12 +79,11 @@ impl PreciseOrbit {
     }
 
     fn push(&mut self, interval_s: f64, node: &Sp3Position) {
-        let covered = self.span.is_some_and(|(first, last)| first <= node.time && node.time <= last);
-        if covered && self.runs.iter().any(|run| run.first <= node.time && node.time <= run.last()) {
+        if self.runs.iter().any(|run| run.interval_s == interval_s && run.covers(node.time)) {
             return;
         }
-        let span = self.span.map_or((node.time, node.time), |(a, b)| (a.min(node.time), b.max(node.time)));
-        self.span = Some(span);
+        let (first, last) = self.span.unwrap_or((node.time, node.time));
+        self.span = Some((first.min(node.time), last.max(node.time)));
         match self.runs.iter_mut().find(|run| run.continues(interval_s, node.time)) {
             Some(run) => run.push(node),
             None => self.runs.push(Run::new(interval_s, node)),
@@ -116,8 +115,9 @@ impl Run {
         run
     }
 
-    fn last(&self) -> GpsTime {
-        self.first + self.interval_s * self.nodes.len().saturating_sub(1) as f64
+    fn covers(&self, time: GpsTime) -> bool {
+        let last = self.first + self.interval_s * self.nodes.len().saturating_sub(1) as f64;
+        self.first <= time && time <= last
     }
 
     fn continues(&self, interval_s: f64, time: GpsTime) -> bool {

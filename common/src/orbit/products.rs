@@ -3,9 +3,8 @@
 use super::broadcast::BroadcastOrbit;
 use super::group_delay::GroupDelays;
 use super::precise::PreciseOrbit;
-use super::{
-    ClockReference, KeplerEphemeris, KlobucharCoefficients, OrbitError, SatelliteState, Sp3, Sp3Position,
-};
+use super::{ClockReference, KeplerEphemeris, OrbitError, SatelliteState, Sp3, Sp3Position};
+use crate::atmosphere::KlobucharCoefficients;
 use crate::gnss::{SatelliteId, SignalCode};
 use crate::rinex::NavigationFile;
 use crate::time::GpsTime;
@@ -32,9 +31,12 @@ struct Satellite {
 }
 
 impl Products {
-    /// From precise and broadcast files, any number of each. Where SP3 files overlap, the one named first holds.
-    pub fn new(sp3: Vec<Sp3>, navigation: Vec<NavigationFile>) -> Self {
+    /// From precise and broadcast files, any number of each. Where SP3 files overlap, the one that begins first
+    /// holds, and of those the one named first.
+    pub fn new(mut sp3: Vec<Sp3>, navigation: Vec<NavigationFile>) -> Self {
         let mut products = Self { satellites: vec![Satellite::default(); PLACES], ..Self::default() };
+        // In time order, so that the nodes of one day continue those of the day before.
+        sp3.sort_by_key(|file| file.positions.first().map(|position| position.time));
         for file in sp3 {
             products.add_sp3(file);
         }

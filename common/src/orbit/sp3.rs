@@ -93,6 +93,7 @@ impl Sp3 {
         if reader.positions.is_empty() {
             return Err(Sp3Error::Empty { lines: last });
         }
+        let interval_s = reader.interval(interval_s);
         Ok(Self { interval_s, epochs: reader.epochs, positions: reader.positions, skips: reader.skips })
     }
 }
@@ -119,6 +120,8 @@ struct Reader {
     epoch: Option<GpsTime>,
     last_epoch: Option<GpsTime>,
     epochs: usize,
+    /// Differences between successive epochs, s.
+    steps_s: Vec<f64>,
     /// Satellites in the present and in the previous epoch, to notice a cut one.
     in_epoch: usize,
     in_previous: usize,
@@ -173,6 +176,7 @@ impl Reader {
             return;
         }
         self.epochs += 1;
+        self.steps_s.extend(self.last_epoch.map(|last| time - last));
         self.epoch = Some(time);
         self.last_epoch = self.epoch;
     }
@@ -210,6 +214,19 @@ impl Reader {
             self.skips.add("SP3 clock missing", || format!("line {number}: {satellite} {time}"));
         }
         self.positions.push(Sp3Position { satellite, time, position, clock_s });
+    }
+
+    /// The interval as the epochs have it (their median difference, so that gaps do not matter), else as the
+    /// header says.
+    fn interval(&mut self, stated_s: f64) -> f64 {
+        self.steps_s.sort_by(f64::total_cmp);
+        let found_s = self.steps_s.get(self.steps_s.len() / 2).copied().unwrap_or(stated_s);
+        if found_s != stated_s {
+            self.skips.add("SP3 header interval", || {
+                format!("line 2: {stated_s} s, but epochs are {found_s} s apart; {found_s} s used")
+            });
+        }
+        found_s
     }
 
     /// Notes a file without end mark whose last epoch has fewer satellites than the one before.

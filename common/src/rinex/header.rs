@@ -211,13 +211,17 @@ impl HeaderBuilder {
         Some(())
     }
 
+    /// Slots and channels, taken word by word because some phones' loggers shift the columns by one.
     fn glonass_slots(&mut self, line: &[u8]) {
-        for entry in columns(line, 4, 60).chunks(7) {
-            let slot = entry.first_chunk::<3>().and_then(|id| SatelliteId::from_bytes(*id));
-            let channel = integer(columns(entry, 3, 7)).and_then(|c| i8::try_from(c).ok());
+        let words = columns(line, 3, 60).split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        let mut slot = None;
+        for word in words {
+            let named = word.first_chunk::<3>().and_then(|id| SatelliteId::from_bytes(*id));
+            let channel = integer(word).and_then(|c| i8::try_from(c).ok());
             if let (Some(slot), Some(channel @ -7..=6)) = (slot, channel) {
-                self.header.glonass_channels.insert(slot.number, channel);
+                self.header.glonass_channels.insert(slot, channel);
             }
+            slot = named.map(|satellite| satellite.number);
         }
     }
 }
@@ -293,7 +297,8 @@ fn observation_type(code: &[u8], constellation: Constellation, version: u16) -> 
     Some(ObservationType { kind, signal: SignalCode::new(band, attribute), scale: 1.0 })
 }
 
-/// RINEX 3.02 wrote BeiDou B1I as band 1; before and after it is band 2 (RINEX 3.05, table 9, note).
+/// RINEX 3.02 wrote BeiDou B1I as band 1; before and after it is band 2 (RINEX 3.05, notes on
+/// BeiDou observation codes).
 const fn beidou_b1i_band(constellation: Constellation, band: u8, attribute: u8, version: u16) -> u8 {
     match (constellation, band, attribute) {
         (Constellation::Beidou, b'1', b'I' | b'Q') => b'2',

@@ -3,9 +3,11 @@
 use super::header::{leap_seconds, version};
 use super::navigation_record::{Record, ephemeris};
 use super::{RinexError, columns, decompress, lines, real, shorten};
+use crate::atmosphere::KlobucharCoefficients;
 use crate::gnss::Constellation;
-use crate::orbit::{KeplerEphemeris, KlobucharCoefficients};
+use crate::orbit::KeplerEphemeris;
 use crate::skips::Skips;
+use crate::time::GpsTime;
 
 /// Ionosphere terms of a navigation header, per system.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -47,7 +49,8 @@ impl NavigationFile {
             reader.line(number, line);
         }
         reader.record_done();
-        reader.found.sort_by_key(|(transmitted, _)| *transmitted);
+        // Of messages that differ in health alone the unhealthy one comes last, and so will be in force.
+        reader.found.sort_by(|(a, x), (b, y)| a.cmp(b).then(x.health.total_cmp(&y.health)));
         Ok(Self {
             ephemerides: reader.found.into_iter().map(|(_, ephemeris)| ephemeris).collect(),
             ionosphere: header.terms(),
@@ -125,7 +128,7 @@ impl Header {
 #[derive(Default)]
 struct Reader {
     record: Option<Record>,
-    found: Vec<(crate::time::GpsTime, KeplerEphemeris)>,
+    found: Vec<(GpsTime, KeplerEphemeris)>,
     skips: Skips,
 }
 

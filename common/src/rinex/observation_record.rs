@@ -164,7 +164,7 @@ impl Record<'_> {
                 None => Thousandths::Bad,
             };
             match content {
-                // RINEX 3.05, 6.7: a missing observation is blank or zero.
+                // RINEX: a missing observation is blank or zero.
                 Thousandths::Blank | Thousandths::Value(0) => {}
                 Thousandths::Value(value) => self.store(column, value as f64 / column.divisor, slot),
                 Thousandths::Bad => self.bad(column, slot, "value is not F14.3", &shorten(field)),

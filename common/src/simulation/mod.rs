@@ -48,7 +48,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::atmosphere::KlobucharCoefficients;
 use crate::constraint::Constraint;
 use crate::gnss::SatelliteId;
-use crate::orbit::{self, KeplerEphemeris, Products, SatelliteState};
+use crate::orbit::{KeplerEphemeris, Products, SatelliteState};
 use crate::rinex::{IonosphereTerms, NavigationFile};
 use crate::skips::Skips;
 use crate::time::GpsTime;
@@ -113,13 +113,9 @@ impl Simulation {
 
     /// All that a receiver is told, as if read from a navigation file.
     pub fn navigation(&self) -> NavigationFile {
-        let KlobucharCoefficients { alpha, beta } = KLOBUCHAR;
         NavigationFile {
             ephemerides: self.ephemerides.clone(),
-            ionosphere: IonosphereTerms {
-                gps: Some(orbit::KlobucharCoefficients { alpha, beta }),
-                ..IonosphereTerms::default()
-            },
+            ionosphere: IonosphereTerms { gps: Some(KLOBUCHAR), ..IonosphereTerms::default() },
             leap_seconds: Some(18),
             skips: Skips::default(),
         }

@@ -7,7 +7,8 @@
 //! −λD = ρ̇ + c·(ḋt_r − ḋT_s) + noise
 //! ```
 //!
-//! I and T are the delays of the models that a receiver corrects with, times a scale that is not one.
+//! I and T are the delays of the models that a receiver corrects with (Klobuchar, and Saastamoinen at
+//! [`STANDARD_RELATIVE_HUMIDITY`]), times a scale that is not one.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;

@@ -144,7 +144,7 @@ impl Scenario {
         within("headway_s", self.convoy.headway_s, 0.0, 60.0)?;
         within("gap_variation_m", self.convoy.gap_variation_m, 0.0, 10.0)?;
         within("lateral_m", self.convoy.lateral_m, 0.0, 10.0)?;
-        within("multipath_correlation_s", self.error_model().multipath_correlation_s, 1e-3, LONGEST_S)?;
+        self.error_model().validate()?;
         if self.phones.is_empty() {
             return Err(ScenarioError::NoPhones);
         }
@@ -153,12 +153,33 @@ impl Scenario {
                 return Err(ScenarioError::DuplicateName(phone.name.clone()));
             }
             within("epoch_offset_s", phone.epoch_offset_s, 0.0, self.interval_s)?;
-            within("starts_after_s", phone.starts_after_s, 0.0, self.duration_s)?;
-            within("stops_before_s", phone.stops_before_s, 0.0, self.duration_s)?;
+            within("starts_after_s", phone.starts_after_s, 0.0, LONGEST_S)?;
+            within("stops_before_s", phone.stops_before_s, 0.0, LONGEST_S)?;
             within("clock.bias_s", phone.clock.bias_s, -1e-2, 1e-2)?;
             within("clock.drift_sps", phone.clock.drift_sps, -1e-5, 1e-5)?;
         }
         Ok(())
+    }
+}
+
+impl ErrorModel {
+    fn validate(&self) -> Result<(), ScenarioError> {
+        let sizes = [
+            ("code_a_m2", self.code_a_m2),
+            ("code_b_m2hz", self.code_b_m2hz),
+            ("rate_a_m2ps2", self.rate_a_m2ps2),
+            ("rate_b_m2ps2hz", self.rate_b_m2ps2hz),
+            ("multipath_open_m", self.multipath_open_m),
+            ("multipath_canyon_m", self.multipath_canyon_m),
+            ("outliers_open_hz", self.outliers_open_hz),
+            ("outliers_canyon_hz", self.outliers_canyon_hz),
+            ("shadowing_db", self.shadowing_db),
+            ("ionosphere_scale", self.ionosphere_scale),
+            ("troposphere_scale", self.troposphere_scale),
+            ("l5_delay_m", self.l5_delay_m),
+        ];
+        sizes.into_iter().try_for_each(|(name, value)| within(name, value, 0.0, 1e9))?;
+        within("multipath_correlation_s", self.multipath_correlation_s, 1e-3, LONGEST_S)
     }
 }
 
@@ -181,6 +202,8 @@ mod tests {
         assert!(text(Scenario { duration_s: f64::NAN, ..Scenario::default() }).contains("duration_s"));
         assert!(text(Scenario { interval_s: 0.0, ..Scenario::default() }).contains("interval_s is 0"));
         assert!(text(Scenario { phones: Vec::new(), ..Scenario::default() }).contains("no phones"));
+        let errors = ErrorModel { code_b_m2hz: -1.0, ..ErrorModel::default() };
+        assert!(text(Scenario { errors, ..Scenario::default() }).contains("code_b_m2hz is -1"));
         let twice = vec![PhoneOptions::of_vehicle(1), PhoneOptions::of_vehicle(1)];
         assert!(text(Scenario { phones: twice, ..Scenario::default() }).contains("SIM2"));
     }

@@ -6,6 +6,9 @@
 
 use nalgebra::{Cholesky, Matrix3, U3, Vector3};
 
+/// Information of this share of the rows' own is rounding.
+const NEGLIGIBLE: f64 = 1e-12;
+
 /// One measurement of a three-component unknown and a clock.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
@@ -26,6 +29,8 @@ pub(crate) struct Eliminated {
     pub normal: Matrix3<f64>,
     /// Right-hand side of the unknown alone.
     pub rhs: Vector3<f64>,
+    /// Below this, an element of the normal matrix is rounding.
+    pub floor: f64,
     groups: Vec<GroupMean>,
 }
 
@@ -41,22 +46,23 @@ impl Eliminated {
     pub fn new(rows: &[Row], group_count: usize) -> Self {
         let groups = group_means(rows, group_count);
         let (mut normal, mut rhs) = (Matrix3::zeros(), Vector3::zeros());
+        let mut floor = 0.0;
         for row in rows {
             let mean = &groups[row.group];
             let h = row.h - mean.h;
             let wh = h * row.weight;
             normal.ger(1.0, &wh, &h, 1.0);
             rhs.axpy(row.y - mean.y, &wh, 1.0);
+            floor += NEGLIGIBLE * row.weight * row.h.norm_squared();
         }
-        Self { normal, rhs, groups }
+        Self { normal, rhs, floor, groups }
     }
 
     /// Cholesky factor of the normal matrix; `None` when the geometry is singular.
     pub fn factor(&self) -> Option<Cholesky<f64, U3>> {
-        let scale = self.normal.diagonal().max();
         let factor = Cholesky::new(self.normal)?;
         let smallest = factor.l_dirty().diagonal().min();
-        (smallest * smallest > 1e-12 * scale).then_some(factor)
+        (smallest * smallest > self.floor).then_some(factor)
     }
 
     /// Clock of a group for a solved unknown.

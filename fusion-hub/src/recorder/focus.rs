@@ -1,5 +1,6 @@
 //! What the eye of the 3D view follows: an invisible box around the group.
 
+use cofix_common::filter::PhoneState;
 use cofix_common::frames::LocalFrame;
 use nalgebra::Vector3;
 use rerun::{Boxes3D, Color, EntityPath, Radius};
@@ -7,6 +8,7 @@ use rerun::{Boxes3D, Color, EntityPath, Radius};
 use super::entity::path;
 use super::rows::{Rows, Segment};
 use super::rrd::{RecorderError, RrdFile};
+use super::track::drawable;
 use crate::engine::FusedPhone;
 
 /// Room around the outermost phones, m.
@@ -30,8 +32,9 @@ impl Focus {
         let positions: Vec<Vector3<f64>> = phones
             .iter()
             .filter_map(|phone| phone.state.as_ref())
-            .map(|state| frame.ecef_to_enu(state.position()).vector())
-            .filter(|position| position.iter().all(|c| c.is_finite()))
+            .map(PhoneState::position)
+            .filter(|&position| drawable(position))
+            .map(|position| frame.ecef_to_enu(position).vector())
             .collect();
         if positions.is_empty() {
             return;

@@ -20,7 +20,7 @@ struct Actions {
 
 /// One pair's distance.
 #[derive(Debug)]
-struct Distance {
+struct PairSeries {
     distance: Series,
     sigma: Series,
     minimum: Series,
@@ -32,12 +32,12 @@ struct Distance {
 pub(super) struct GroupRecorder {
     phones: Vec<String>,
     actions: BTreeMap<String, Actions>,
-    distances: BTreeMap<(usize, usize), Distance>,
+    distances: BTreeMap<(usize, usize), PairSeries>,
 }
 
 impl Actions {
-    fn new(name: &str) -> Self {
-        let style = Style::Marks { name: name.to_owned(), colour: Method::Joint.colour() };
+    fn new(name: &str, colour: Color) -> Self {
+        let style = Style::Marks { name: name.to_owned(), colour };
         Self {
             shift: Series::new(path(["constraints", name, "shift"]), style),
             log: LogLines::new(path(["constraints", name, "log"])),
@@ -45,7 +45,7 @@ impl Actions {
     }
 }
 
-impl Distance {
+impl PairSeries {
     fn new(pair: &str, colour: Color) -> Self {
         let entity = |what| path(["distances", pair, what]);
         let line = |what: &str, colour, width| Style::Line { name: format!("{pair}{what}"), colour, width };
@@ -76,11 +76,13 @@ impl GroupRecorder {
         for action in actions {
             let (name, change) = self.describe(action);
             let level = if action.enlargements > 0 { TextLogLevel::WARN } else { TextLogLevel::INFO };
-            let mut text = format!("{name}: {change}, moved by {:.3} m", action.shift_m);
-            if action.enlargements > 0 {
-                text += &format!(", interval enlarged {} times", action.enlargements);
-            }
-            let series = self.actions.entry(name).or_insert_with_key(|name| Actions::new(name));
+            let enlarged = match action.enlargements {
+                0 => String::new(),
+                count => format!(", interval enlarged {count} times"),
+            };
+            let text = format!("{name}: {change}, moved by {:.3} m{enlarged}", action.shift_m);
+            let colour = palette(self.actions.len());
+            let series = self.actions.entry(name).or_insert_with_key(|name| Actions::new(name, colour));
             series.shift.push(time_ns, Some(action.shift_m), skips);
             series.log.push(time_ns, level, &text);
         }
@@ -90,7 +92,7 @@ impl GroupRecorder {
         for pair in distances {
             let name = pair_name(&self.name(pair.phones.0), &self.name(pair.phones.1));
             let colour = palette(self.distances.len());
-            let series = self.distances.entry(pair.phones).or_insert_with(|| Distance::new(&name, colour));
+            let series = self.distances.entry(pair.phones).or_insert_with(|| PairSeries::new(&name, colour));
             series.push(time_ns, pair, skips);
         }
     }

@@ -149,6 +149,8 @@ impl Plots {
             let range = ScalarAxis::new().with_range(CN0_RANGE_DBHZ);
             children.push(cn0.with("ScalarAxis", range).into());
             children.push(of_phone("residual", "residuals (m)", phone).into());
+            let contents = vec![subtree(&phone_path(phone, ["satellites", "usage"]))];
+            children.push(View::new("StateTimeline", format!("{phone} use"), contents).into());
         }
         children.push(self.view("Satellites used", all(phones, &["quality", "satellites"])).into());
         children.push(self.view("PDOP", all(phones, &["quality", "pdop"])).into());

@@ -17,7 +17,7 @@
 //! | `/phones/<phone>/error/vertical/<method>` | `Scalars`, m, positive up |
 //! | `/phones/<phone>/satellites/cn0/<G07 1C>` | `Scalars`, dB-Hz |
 //! | `/phones/<phone>/satellites/residual/<G07 1C>` | `Scalars`, m, observed − computed of the epoch-wise solution |
-//! | `/phones/<phone>/satellites/used/<G07 1C>` | `Scalars`, 1 used, 0 excluded by RAIM |
+//! | `/phones/<phone>/satellites/usage/<G07 1C>` | `StateChange`, `used` or `excluded` (by RAIM), one row per change |
 //! | `/phones/<phone>/quality/satellites` | `Scalars`, satellites used |
 //! | `/phones/<phone>/quality/pdop` | `Scalars` |
 //! | `/phones/<phone>/raim` | `TextLog`, verdicts that changed or are not reliable |
@@ -50,6 +50,7 @@ mod track;
 
 use std::path::Path;
 
+use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Ecef, LocalFrame};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -61,6 +62,7 @@ use self::group::GroupRecorder;
 use self::phone::{Epoch, PhoneRecorder, recordable};
 use self::rrd::RrdFile;
 pub use self::rrd::{APPLICATION_ID, RecorderError, TIMELINE};
+use self::track::drawable;
 use crate::engine::{FusedEpoch, FusedPhone};
 
 /// Epochs between two writes. A crash loses at most these; fewer make a larger file.
@@ -158,6 +160,12 @@ impl Recorder {
                 .add("epoch outside 1980-2233: not recorded", || format!("{} ns", epoch.time_gps.nanos()));
             return Ok(());
         };
+        if epoch.phones.len() != self.phones.len() {
+            let (found, expected) = (epoch.phones.len(), self.phones.len());
+            self.skips.add("epoch with another number of phones: recorded as far as they go", || {
+                format!("{}: {found} phones instead of {expected}", epoch.time_gps)
+            });
+        }
         let frame = self.local_frame(epoch, truth);
         for (index, (recorder, phone)) in self.phones.iter_mut().zip(&epoch.phones).enumerate() {
             let message_time = phone.message.as_ref().map_or(epoch.time_gps, |m| m.time_gps);
@@ -208,7 +216,7 @@ impl Recorder {
     /// The local frame: at the first fix of the group.
     fn local_frame(&mut self, epoch: &FusedEpoch, truth: &[Reference]) -> LocalFrame {
         if self.frame.is_none() {
-            let truth = truth.iter().find_map(|t| t.at_epoch.filter(|p| p.is_finite()));
+            let truth = truth.iter().find_map(|t| t.at_epoch.filter(|&p| drawable(p)));
             self.frame = epoch.phones.iter().find_map(first_fix).or(truth).map(LocalFrame::at);
         }
         // Without a position there is nothing to draw, so any frame will do.
@@ -219,11 +227,11 @@ impl Recorder {
 fn first_fix(phone: &FusedPhone) -> Option<Ecef> {
     let message = phone.message.as_ref();
     [
-        phone.state.as_ref().map(|s| s.position()),
-        message.and_then(|m| m.local.as_ref()).map(|s| s.position()),
+        phone.state.as_ref().map(PhoneState::position),
+        message.and_then(|m| m.local.as_ref()).map(PhoneState::position),
         message.and_then(|m| m.wls.as_ref()).map(|s| s.position),
     ]
     .into_iter()
     .flatten()
-    .find(|position| position.is_finite())
+    .find(|&position| drawable(position))
 }

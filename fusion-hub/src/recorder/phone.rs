@@ -13,9 +13,9 @@ use rerun::{Color, TextLogLevel};
 use super::Reference;
 use super::entity::{Method, phone_path};
 use super::rrd::{RecorderError, RrdFile};
-use super::series::{LogLines, NOT_FINITE, Series, Style};
+use super::series::{LogLines, Series, Style};
 use super::signals::Signals;
-use super::track::{Ellipsoid, Track, ellipsoid};
+use super::track::{Ellipsoid, Track, drawable, ellipsoid};
 use crate::engine::FusedPhone;
 
 /// What a phone's epoch is recorded at.
@@ -91,7 +91,7 @@ impl PhoneRecorder {
             let estimate = estimate.map(|(position, covariance_m2)| Estimate { position, covariance_m2 });
             self.push_estimate(epoch, index, estimate, reference, skips);
         }
-        let truth = self.finite(reference.at_epoch, Method::Truth, epoch.time_ns, skips);
+        let truth = self.drawable(reference.at_epoch, Method::Truth, epoch.time_ns, skips);
         if let Some(track) = self.tracks.last_mut() {
             track.push(epoch.time_ns, epoch.frame, truth, None);
         }
@@ -111,9 +111,9 @@ impl PhoneRecorder {
             Method::Joint | Method::Truth => (epoch.time_ns, reference.at_epoch),
             Method::Wls | Method::Local => (epoch.message_time_ns, reference.at_message),
         };
-        let position = self.finite(estimate.as_ref().map(|e| e.position), method, time_ns, skips);
+        let position = self.drawable(estimate.as_ref().map(|e| e.position), method, time_ns, skips);
         let sigma = position.and(estimate).and_then(|e| self.sigma(epoch, method, &e, skips));
-        let error = position.zip(truth.filter(|t| t.is_finite())).map(|(position, truth)| {
+        let error = position.zip(truth.filter(|&t| drawable(t))).map(|(position, truth)| {
             let error = LocalFrame::at(truth).ecef_to_enu(position);
             (error.horizontal(), error.up)
         });
@@ -160,7 +160,7 @@ impl PhoneRecorder {
         self.tracks.iter().try_for_each(|track| track.write_lines(file))
     }
 
-    fn finite(
+    fn drawable(
         &self,
         position: Option<Ecef>,
         method: Method,
@@ -168,10 +168,12 @@ impl PhoneRecorder {
         skips: &mut Skips,
     ) -> Option<Ecef> {
         let position = position?;
-        if !position.is_finite() {
+        if !drawable(position) {
             let name = method.name();
-            skips
-                .add(NOT_FINITE, || format!("{} {name} position at {time_ns} ns: {}", self.name, position.0));
+            skips.add("position not finite or beyond 100,000 km: not recorded", || {
+                let [x, y, z]: [f64; 3] = position.0.into();
+                format!("{} {name} at {time_ns} ns: ({x}, {y}, {z}) m", self.name)
+            });
             return None;
         }
         Some(position)
@@ -188,7 +190,11 @@ impl PhoneRecorder {
         if sigma.is_none() {
             let (name, time_ns) = (method.name(), epoch.time_ns);
             skips.add("covariance not finite or not positive: ellipsoid not recorded", || {
-                format!("{} {name} at {time_ns} ns: {}", self.name, estimate.covariance_m2)
+                format!(
+                    "{} {name} at {time_ns} ns: diagonal {:?} m²",
+                    self.name,
+                    estimate.covariance_m2.diagonal()
+                )
             });
         }
         sigma
@@ -221,16 +227,16 @@ const fn level(verdict: Verdict) -> &'static str {
 }
 
 fn describe(phone: &str, raim: &RaimReport) -> String {
-    let mut text = format!("{phone}: {}", raim.verdict);
-    if let Some(test) = raim.global_test {
+    let test = raim.global_test.map_or_else(String::new, |test| {
         let relation = if test.statistic <= test.threshold { "≤" } else { ">" };
         let (statistic, threshold, dof) = (test.statistic, test.threshold, test.degrees_of_freedom);
-        text += &format!("; D {statistic:.1} {relation} {threshold:.1}, {dof} dof");
-    }
-    if raim.excluded > 0 {
-        text += &format!("; {} excluded", raim.excluded);
-    }
-    text
+        format!("; D {statistic:.1} {relation} {threshold:.1}, {dof} dof")
+    });
+    let excluded = match raim.excluded {
+        0 => String::new(),
+        count => format!("; {count} excluded"),
+    };
+    format!("{phone}: {}{test}{excluded}", raim.verdict)
 }
 
 /// A time that a recording can hold: from GPS time's start into the 23rd century.

@@ -1,21 +1,21 @@
-//! Scalars and log lines of one entity over time.
+//! Scalars, states and log lines of one entity over time.
 
 use cofix_common::skips::Skips;
-use rerun::{Color, EntityPath, Scalars, SeriesLines, SeriesPoints, TextLog};
+use rerun::{
+    Color, EntityPath, Scalars, SeriesLines, SeriesPoints, StateChange, StateConfiguration, TextLog,
+};
 
 use super::rows::{Rows, Segment};
 use super::rrd::{RecorderError, RrdFile};
 
 /// The reason under which values that are not finite are counted.
-pub(super) const NOT_FINITE: &str = "not a finite number: not recorded";
+const NOT_FINITE: &str = "not a finite number: not recorded";
 
 /// How a series of scalars is drawn.
 #[derive(Clone, Debug)]
 pub(super) enum Style {
     /// A line of a width in points of the screen.
     Line { name: String, colour: Color, width: f32 },
-    /// A line that holds each value until the next.
-    Steps { name: String, colour: Color },
     /// A mark for each value.
     Marks { name: String, colour: Color },
 }
@@ -26,6 +26,15 @@ pub(super) struct Series {
     entity: EntityPath,
     style: Option<Style>,
     rows: Rows<f64>,
+}
+
+/// Named states of one entity, one row per change.
+#[derive(Debug)]
+pub(super) struct StateLane {
+    entity: EntityPath,
+    styled: bool,
+    state: Option<&'static str>,
+    rows: Rows<&'static str>,
 }
 
 /// Log lines of one entity.
@@ -64,15 +73,36 @@ fn write_style(file: &mut RrdFile, entity: &EntityPath, style: &Style) -> Result
             let lines = SeriesLines::new().with_names([name.as_str()]).with_colors([*colour]);
             file.write_static(entity, &lines.with_widths([*width]))
         }
-        Style::Steps { name, colour } => {
-            let lines = SeriesLines::new().with_names([name.as_str()]).with_colors([*colour]);
-            let steps = rerun::components::InterpolationMode::StepAfter;
-            file.write_static(entity, &lines.with_interpolation_mode(steps))
-        }
         Style::Marks { name, colour } => {
             let marks = SeriesPoints::new().with_names([name.as_str()]).with_colors([*colour]);
             file.write_static(entity, &marks.with_marker_sizes([2.5]))
         }
+    }
+}
+
+impl StateLane {
+    pub fn new(entity: EntityPath) -> Self {
+        Self { entity, styled: false, state: None, rows: Rows::default() }
+    }
+
+    /// Adds an epoch; only changes become rows.
+    pub fn push(&mut self, time_ns: i64, state: Option<&'static str>) {
+        if state != self.state {
+            self.state = state;
+            self.rows.push(time_ns, state);
+        }
+    }
+
+    pub fn write_segment(
+        &mut self,
+        file: &mut RrdFile,
+        style: &StateConfiguration,
+    ) -> Result<(), RecorderError> {
+        let Some(Segment { times_ns, lengths, values }) = self.rows.take_segment() else { return Ok(()) };
+        if !std::mem::replace(&mut self.styled, true) {
+            file.write_static(&self.entity, style)?;
+        }
+        file.write_columns(&self.entity, &times_ns, StateChange::new().with_state(values).columns(lengths))
     }
 }
 

@@ -5,18 +5,18 @@ use std::collections::BTreeMap;
 use cofix_common::gnss::{Constellation, SatelliteId, SignalCode};
 use cofix_common::measurement::{CorrectedObservation, Usage};
 use cofix_common::skips::Skips;
-use rerun::Color;
+use rerun::{Color, StateConfiguration};
 
 use super::entity::phone_path;
 use super::rrd::{RecorderError, RrdFile};
-use super::series::{Series, Style};
+use super::series::{Series, StateLane, Style};
 
 /// The series of one satellite's signal.
 #[derive(Debug)]
 struct SignalSeries {
     cn0: Series,
     residual: Series,
-    used: Series,
+    usage: StateLane,
     /// Epoch number of the last observation.
     last_epoch: u64,
 }
@@ -35,11 +35,10 @@ impl SignalSeries {
         let colour = colour(satellite);
         let entity = |what| phone_path(phone, ["satellites", what, name.as_str()]);
         let line = Style::Line { name: name.clone(), colour, width: 1.0 };
-        let steps = Style::Steps { name: name.clone(), colour };
         Self {
             cn0: Series::new(entity("cn0"), line.clone()),
             residual: Series::new(entity("residual"), line),
-            used: Series::new(entity("used"), steps),
+            usage: StateLane::new(entity("usage")),
             last_epoch: 0,
         }
     }
@@ -47,8 +46,7 @@ impl SignalSeries {
     fn push(&mut self, time_ns: i64, observation: Option<&CorrectedObservation>, skips: &mut Skips) {
         self.cn0.push(time_ns, observation.and_then(|o| o.cn0_dbhz), skips);
         self.residual.push(time_ns, observation.and_then(|o| o.residual_m), skips);
-        let used = |o: &CorrectedObservation| f64::from(u8::from(o.usage == Usage::Used));
-        self.used.push(time_ns, observation.map(used), skips);
+        self.usage.push(time_ns, observation.map(|o| usage_name(o.usage)));
     }
 }
 
@@ -83,10 +81,25 @@ impl Signals {
         for series in self.series.values_mut() {
             series.cn0.write_segment(file)?;
             series.residual.write_segment(file)?;
-            series.used.write_segment(file)?;
+            series.usage.write_segment(file, &usage_style())?;
         }
         Ok(())
     }
+}
+
+/// The state's name in the recording.
+const fn usage_name(usage: Usage) -> &'static str {
+    match usage {
+        Usage::Used => "used",
+        Usage::Excluded => "excluded",
+    }
+}
+
+fn usage_style() -> StateConfiguration {
+    StateConfiguration::new()
+        .with_values([Usage::Used, Usage::Excluded].map(usage_name))
+        .with_labels([" ", "excluded"]) // the rule goes without saying
+        .with_colors([Color::from_rgb(0x2E, 0x5A, 0x4A), Color::from_rgb(0xE0, 0x40, 0x30)])
 }
 
 /// A colour that shows the constellation, in a shade by the satellite's number.

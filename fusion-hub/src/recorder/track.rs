@@ -42,7 +42,14 @@ pub(super) struct Track {
     open: bool,
 }
 
-/// The ellipsoid of an ECEF covariance; `None` when that is not finite or not positive semidefinite.
+/// Whether a position can be drawn: finite, and not beyond what single precision and maps can show.
+pub(super) fn drawable(position: Ecef) -> bool {
+    const FARTHEST_M: f64 = 1e8;
+    position.is_finite() && position.0.amax() < FARTHEST_M
+}
+
+/// The ellipsoid of an ECEF covariance; `None` when that is not positive semidefinite, or not finite in
+/// single precision.
 pub(super) fn ellipsoid(frame: &LocalFrame, covariance_ecef_m2: &Matrix3<f64>) -> Option<Ellipsoid> {
     let covariance = frame.covariance_ecef_to_enu(covariance_ecef_m2);
     if !covariance.iter().all(|c| c.is_finite()) {
@@ -59,11 +66,10 @@ pub(super) fn ellipsoid(frame: &LocalFrame, covariance_ecef_m2: &Matrix3<f64>) -
     }
     let rotation = Rotation3::from_matrix_unchecked(eigenvectors);
     let quaternion: Quaternion<f64> = *UnitQuaternion::from_rotation_matrix(&rotation);
-    let half_sizes_m = eigenvalues.map(|v| v.max(0.0).sqrt());
-    Some(Ellipsoid {
-        half_sizes_m: half_sizes_m.map(single).into(),
-        quaternion_xyzw: quaternion.coords.map(single).into(),
-    })
+    let half_sizes_m = eigenvalues.map(|v| single(v.max(0.0).sqrt()));
+    let quaternion_xyzw = quaternion.coords.map(single);
+    let finite = half_sizes_m.iter().chain(&quaternion_xyzw).all(|v| v.is_finite());
+    finite.then(|| Ellipsoid { half_sizes_m: half_sizes_m.into(), quaternion_xyzw: quaternion_xyzw.into() })
 }
 
 #[allow(clippy::cast_possible_truncation)] // pictures: metres from a near origin
@@ -83,7 +89,7 @@ impl Track {
         }
     }
 
-    /// Adds an epoch: a finite position, or none.
+    /// Adds an epoch: a [`drawable`] position, or none.
     pub fn push(
         &mut self,
         time_ns: i64,

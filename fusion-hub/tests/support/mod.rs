@@ -1,6 +1,9 @@
 //! A synthetic session: phones side by side on a winding road, with seeded noise. No estimation is involved.
 
-use cofix_common::constraint::{Constraint, ConstraintAction};
+#![allow(dead_code)] // each test binary uses a part
+#![allow(clippy::unwrap_used, clippy::cast_possible_truncation)] // small numbers made here
+
+use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Direction, Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use cofix_common::gnss::{SatelliteId, SignalCode};
@@ -64,7 +67,7 @@ impl Session {
     }
 
     /// The truth as a recorder takes it.
-    pub fn reference(self, epoch: &FusedEpoch, phone: usize) -> Reference {
+    pub fn reference(epoch: &FusedEpoch, phone: usize) -> Reference {
         let frame = road();
         Reference::look_up(epoch, phone, |time| Some(frame.enu_to_ecef(Self::truth_enu(phone, time))))
     }
@@ -132,7 +135,7 @@ impl Session {
                     + (s * 7 % 17) as f64
                     + 3.0 * (index as f64 / 90.0 + s as f64).sin()
                     + noise.normal();
-                let excluded = (index * 13 + s * 29 + phone) % 61 == 0;
+                let excluded = (index * 13 + s * 29 + phone).is_multiple_of(61);
                 let residual = if excluded { 22.0 } else { 3.0 } * noise.normal();
                 CorrectedObservation {
                     satellite,
@@ -163,6 +166,7 @@ impl Session {
             after: 1.99,
             shift_m: excess / 2.0,
             enlargements: u32::from(excess > 0.9),
+            outcome: ConstraintOutcome::Holds,
         }]
     }
 
@@ -182,7 +186,7 @@ impl Session {
     /// Records the whole session.
     pub fn record(self, mut recorder: Recorder) -> cofix_hub::recorder::Recorded {
         for epoch in self.epochs() {
-            let truth: Vec<_> = (0..self.phones).map(|phone| self.reference(&epoch, phone)).collect();
+            let truth: Vec<_> = (0..self.phones).map(|phone| Self::reference(&epoch, phone)).collect();
             recorder.record(&epoch, &truth).unwrap();
         }
         recorder.finish(ACCURACY).unwrap()

@@ -1,0 +1,242 @@
+//! What is in a recording.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use cofix_common::time::GpsTime;
+use rerun::external::re_log_types::StoreId;
+use rerun::log::Chunk;
+use rerun::{EntityPath, EntityPathPart, RecordingInfo, TextDocument};
+
+use crate::read::{Contents, read};
+use crate::{APPLICATION_ID, TIMELINE};
+
+/// Why there is no summary.
+#[derive(Debug, thiserror::Error)]
+pub enum SummaryError {
+    /// The file cannot be opened or read.
+    #[error("cannot read {}: {source}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// The file is something else.
+    #[error("{} is not a Rerun recording that can be read here: {message}; give the .rrd file that `cofix-hub … --recording` wrote", path.display())]
+    NotARecording {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        message: String,
+    },
+    /// The file ends before it says what it holds.
+    #[error("{} holds no recording; it may have been cut off at its start", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A recording of another program.
+    #[error("{} is a recording of '{application}', not of {APPLICATION_ID}; `rerun {}` may open it", path.display(), path.display())]
+    OtherApplication {
+        /// The file.
+        path: PathBuf,
+        /// The application id in it.
+        application: String,
+    },
+}
+
+/// How much of an entity, or of a group of like entities, there is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Amount {
+    /// Entities.
+    pub entities: usize,
+    /// Rows of data.
+    pub rows: usize,
+}
+
+/// What is in a recording.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// The file.
+    pub path: PathBuf,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// The group's name.
+    pub group: Option<String>,
+    /// The phones' names, in alphabetical order.
+    pub phones: Vec<String>,
+    /// First and last time on the timeline.
+    pub span_gps: Option<(GpsTime, GpsTime)>,
+    /// Every entity.
+    pub entities: BTreeMap<String, Amount>,
+    /// The same, phones, satellites, pairs and constraints taken together.
+    pub groups: BTreeMap<String, Amount>,
+    /// The accuracy table, Markdown.
+    pub accuracy: Option<String>,
+    /// Whether the file brings its layout.
+    pub has_layout: bool,
+    /// What is wrong with the file.
+    pub warnings: Vec<String>,
+}
+
+impl Summary {
+    /// Reads a recording; one that was cut off as far as it goes, with a warning.
+    ///
+    /// # Errors
+    /// When the file cannot be read at all or is not one of ours.
+    pub fn read(path: &Path) -> Result<Self, SummaryError> {
+        let open = |source| SummaryError::Open { path: path.to_owned(), source };
+        let bytes = std::fs::metadata(path).map_err(open)?.len();
+        let contents = read(path)?;
+        let id = our_recording(path, &contents)?.clone();
+        let mut summary = Self::empty(path, bytes, &contents);
+        let mut span_ns: Option<(i64, i64)> = None;
+        let mut phones = BTreeSet::new();
+        for (_, chunk) in contents.chunks.iter().filter(|(store, _)| *store == id) {
+            summary.add(chunk, &mut phones);
+            if let Some(column) = chunk.timelines().values().find(|c| c.name() == TIMELINE) {
+                for &time in column.times_raw() {
+                    let (first, last) = span_ns.unwrap_or((time, time));
+                    span_ns = Some((first.min(time), last.max(time)));
+                }
+            }
+        }
+        summary.phones = phones.into_iter().collect();
+        summary.span_gps = span_ns.map(|(first, last)| (gps_time(first), gps_time(last)));
+        for (entity, amount) in &summary.entities {
+            let group = summary.groups.entry(group_of(entity)).or_default();
+            group.entities += 1;
+            group.rows += amount.rows;
+        }
+        summary.warn();
+        Ok(summary)
+    }
+
+    /// The summary as text; `all` lists every entity instead of groups.
+    pub fn render(&self, all: bool) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.write(&mut text, all);
+        text
+    }
+
+    fn empty(path: &Path, bytes: u64, contents: &Contents) -> Self {
+        let mut warnings: Vec<String> = contents.damage.iter().cloned().collect();
+        if contents.recordings.len() > 1 {
+            let count = contents.recordings.len();
+            warnings
+                .push(format!("{count} recordings in one file; this is the first one of {APPLICATION_ID}"));
+        }
+        Self {
+            path: path.to_owned(),
+            bytes,
+            group: None,
+            phones: Vec::new(),
+            span_gps: None,
+            entities: BTreeMap::new(),
+            groups: BTreeMap::new(),
+            accuracy: None,
+            has_layout: contents.has_layout,
+            warnings,
+        }
+    }
+
+    fn add(&mut self, chunk: &Chunk, phones: &mut BTreeSet<String>) {
+        let entity = chunk.entity_path();
+        if let Some(text) = text(chunk, TextDocument::descriptor_text().component)
+            && *entity == EntityPath::from("accuracy")
+        {
+            self.accuracy = Some(text);
+        }
+        if *entity == EntityPath::properties() {
+            self.group = text(chunk, RecordingInfo::descriptor_name().component).or(self.group.take());
+            return;
+        }
+        if let [first, phone, ..] = entity.as_slice()
+            && first.unescaped_str() == "phones"
+        {
+            phones.insert(phone.unescaped_str().to_owned());
+        }
+        let amount = self.entities.entry(entity.to_string()).or_default();
+        amount.entities = 1;
+        amount.rows += chunk.num_rows();
+    }
+
+    fn warn(&mut self) {
+        if self.span_gps.is_none() {
+            self.warnings.push(format!("nothing on the timeline {TIMELINE}"));
+        }
+        if self.accuracy.is_none() {
+            self.warnings.push("no accuracy table: the recording was not finished".to_owned());
+        }
+        if !self.has_layout {
+            self.warnings.push("no layout: the viewer will choose one of its own".to_owned());
+        }
+    }
+
+    fn write(&self, text: &mut String, all: bool) -> std::fmt::Result {
+        let megabytes = self.bytes as f64 / 1e6;
+        let group = self.group.as_deref().unwrap_or("without a name");
+        writeln!(text, "{}: group {group}, {megabytes:.2} MB", self.path.display())?;
+        for warning in &self.warnings {
+            writeln!(text, "warning: {warning}")?;
+        }
+        if let Some((first, last)) = self.span_gps {
+            writeln!(text, "{TIMELINE}: {first} to {last}, {:.1} s", last - first)?;
+        }
+        writeln!(text, "phones: {} ({})", self.phones.len(), self.phones.join(", "))?;
+        if let Some(accuracy) = &self.accuracy {
+            writeln!(text, "\n{}", accuracy.trim_end())?;
+        }
+        let total = self.entities.len();
+        if all {
+            writeln!(text, "\n{total} entities\n{:>9}  path", "rows")?;
+            for (entity, amount) in &self.entities {
+                writeln!(text, "{:>9}  {entity}", amount.rows)?;
+            }
+        } else {
+            writeln!(text, "\n{total} entities (--all lists them)\n{:>9} {:>9}  path", "entities", "rows")?;
+            for (group, amount) in &self.groups {
+                writeln!(text, "{:>9} {:>9}  {group}", amount.entities, amount.rows)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn our_recording<'a>(path: &Path, contents: &'a Contents) -> Result<&'a StoreId, SummaryError> {
+    let ours = |id: &&StoreId| id.application_id().as_str() == APPLICATION_ID;
+    match (contents.recordings.iter().find(ours), contents.recordings.first()) {
+        (Some(id), _) => Ok(id),
+        (None, Some(id)) => {
+            let application = id.application_id().as_str().to_owned();
+            Err(SummaryError::OtherApplication { path: path.to_owned(), application })
+        }
+        (None, None) => Err(SummaryError::Empty { path: path.to_owned() }),
+    }
+}
+
+fn text(chunk: &Chunk, component: rerun::ComponentIdentifier) -> Option<String> {
+    let values = chunk.iter_slices::<String>(component).last()?;
+    values.first().map(|text| text.as_str().to_owned())
+}
+
+fn gps_time(unix_calendar_ns: i64) -> GpsTime {
+    let epoch_ns = GpsTime::from_nanos(0).as_unix_calendar_nanos();
+    GpsTime::from_nanos(unix_calendar_ns.saturating_sub(epoch_ns))
+}
+
+/// The entity's path with a star for the name of the phone, satellite, pair or constraint.
+fn group_of(entity: &str) -> String {
+    let path = EntityPath::parse_forgiving(entity);
+    let parts: Vec<&str> = path.iter().map(EntityPathPart::unescaped_str).collect();
+    let starred = |index: usize| match parts.first() {
+        Some(&"phones") => index == 1 || (index == 4 && parts.get(2) == Some(&"satellites")),
+        Some(&"constraints" | &"distances") => index == 1,
+        _ => false,
+    };
+    let shown = parts.iter().enumerate().map(|(index, part)| if starred(index) { "*" } else { *part });
+    shown.fold(String::new(), |path, part| path + "/" + part)
+}
