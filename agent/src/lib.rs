@@ -1,3 +1,23 @@
 //! The agent beside one phone.
+//!
+//! [`run`] reads a phone's observations and publishes one message per epoch:
+//!
+//! ```text
+//! source ─▶ pipeline (correct → solve → RAIM → local filter) ─▶ pace ─▶ publication ─▶ Zenoh
+//! ```
+//!
+//! Everything here blocks: run an agent on a thread of its own. The hub's `replay` runs several in one process, each with
+//! a Zenoh session of its own.
 
+mod config;
+pub mod link;
+mod pace;
 pub mod pipeline;
+pub mod publication;
+mod run;
+pub mod source;
+mod stop;
+
+pub use config::{AgentConfig, ProductSource, Source, Speed, SpeedError};
+pub use run::{AgentError, AgentReport, run};
+pub use stop::Stop;

@@ -1,6 +1,22 @@
 //! The fusion hub.
+//!
+//! ```text
+//! Zenoh ─▶ network ─▶ intake (decode, sanitise, count) ─▶ align ─▶ engine ─▶ outputs: publisher, recorder, scores
+//! ```
+//!
+//! Zenoh's threads only put bytes into a bounded channel; one thread does everything else, in [`group`]. What it computes
+//! depends on the messages of each phone and not on how those of different phones interleave.
 
 pub mod align;
+pub mod demo;
 pub mod engine;
+pub mod group;
+pub mod intake;
+pub mod live;
+pub mod network;
+pub mod outputs;
 pub mod recorder;
+pub mod replay;
+pub mod report;
+pub mod scores;
 pub mod session;

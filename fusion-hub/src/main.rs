@@ -1,2 +1,143 @@
-//! Placeholder.
-fn main() {}
+//! The command line of the hub.
+
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::{Parser, Subcommand};
+use cofix_agent::{Speed, Stop};
+use cofix_common::simulation::Scenario;
+use cofix_hub::align::AlignOptions;
+use cofix_hub::live::{self, LiveOptions};
+use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
+use cofix_hub::session::Session;
+
+/// Fuses the phones of a group in one constrained filter, publishes, records and scores.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Listen for the agents of a session's phones, live
+    Run {
+        /// Session file: group, phones, constraints
+        session: PathBuf,
+        /// Zenoh endpoint to listen on; may be repeated
+        #[arg(long, value_name = "ENDPOINT", default_value = "tcp/0.0.0.0:7447")]
+        listen: Vec<String>,
+        /// End when the agents of all phones have finished, instead of on Ctrl-C
+        #[arg(long)]
+        until_finished: bool,
+        #[command(flatten)]
+        outputs: OutputArguments,
+    },
+    /// Run a recorded session through agents and hub on this machine
+    Replay {
+        /// Session file with observations for every phone
+        session: PathBuf,
+        /// 'max', or times the recorded speed (1 = as recorded)
+        #[arg(long, default_value = "max")]
+        speed: Speed,
+        #[command(flatten)]
+        outputs: OutputArguments,
+    },
+    /// A simulated convoy of three phones, without any input
+    Demo {
+        /// Where to record to
+        #[arg(long, value_name = "FILE", default_value = "cofix-demo.rrd")]
+        recording: PathBuf,
+        /// Where to write the JSON report
+        #[arg(long, value_name = "FILE")]
+        report: Option<PathBuf>,
+    },
+}
+
+#[derive(Debug, clap::Args)]
+struct OutputArguments {
+    /// Where to record to (.rrd)
+    #[arg(long, value_name = "FILE")]
+    recording: Option<PathBuf>,
+    /// Where to write the JSON report
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    log_to_stderr(&arguments.command);
+    match start(arguments.command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            tracing::error!("{error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// A live hub tells who comes and goes; elsewhere only what is wrong is said. `RUST_LOG` overrides.
+fn log_to_stderr(command: &Command) {
+    let own = if matches!(command, Command::Run { .. }) { "info" } else { "warn" };
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(format!("error,cofix_hub={own}")));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .init();
+}
+
+fn start(command: Command) -> anyhow::Result<()> {
+    // Zenoh needs a multi-threaded runtime around it; the hub itself blocks on a thread of its own.
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    runtime.block_on(async {
+        let stop = Stop::default();
+        let interrupted = stop.clone();
+        tokio::spawn(async move {
+            if tokio::signal::ctrl_c().await.is_ok() {
+                interrupted.request();
+            }
+        });
+        tokio::task::spawn_blocking(move || execute(command, &stop)).await?
+    })
+}
+
+fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
+    match command {
+        Command::Run { session, listen, until_finished, outputs } => {
+            let session = Session::read(&session)?;
+            let recording = outputs.recording;
+            let options = LiveOptions { listen, recording, until_finished, align: AlignOptions::default() };
+            conclude(&live::run(&session, &options, stop)?, outputs.report.as_deref())
+        }
+        Command::Replay { session, speed, outputs } => {
+            let plan = Plan::from_session(&Session::read(&session)?)?;
+            let options = ReplayOptions { recording: outputs.recording, speed, progress: true };
+            conclude(&replay(&plan, &options, stop)?, outputs.report.as_deref())
+        }
+        Command::Demo { recording, report } => {
+            let plan = cofix_hub::demo::plan(Scenario::default())?;
+            let options = ReplayOptions { recording: Some(recording), speed: Speed::Maximum, progress: true };
+            conclude(&replay(&plan, &options, stop)?, report.as_deref())
+        }
+    }
+}
+
+/// Writes the report and prints the table.
+fn conclude(outcome: &Outcome, report: Option<&Path>) -> anyhow::Result<()> {
+    if let Some(path) = report {
+        std::fs::write(path, outcome.report.json()?)
+            .with_context(|| format!("{}: cannot write the report", path.display()))?;
+    }
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{}", outcome.table)?;
+    if let Some((path, recorded)) = &outcome.recording {
+        let megabytes = recorded.bytes as f64 * 1e-6;
+        writeln!(out, "Recording: {} ({megabytes:.1} MB, {} epochs)", path.display(), recorded.epochs)?;
+    }
+    Ok(())
+}

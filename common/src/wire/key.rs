@@ -5,6 +5,7 @@
 //! | `cofix/<group>/phone/<phone>/epoch` | [`EpochMessage`](super::EpochMessage)s of an agent |
 //! | `cofix/<group>/phone/<phone>/status` | [`StatusMessage`](super::StatusMessage)s of an agent |
 //! | `cofix/<group>/phone/<phone>/alive` | liveliness token of an agent |
+//! | `cofix/<group>/phone/<phone>/receipt` | query to the hub, with `?run=<Zenoh id of the agent>`: how many epochs of that run it has, as decimal text |
 //! | `cofix/<group>/fused/<phone>` | [`FusedMessage`](super::FusedMessage)s of the hub |
 
 /// Longest name of a group or phone, bytes.
@@ -79,6 +80,22 @@ pub fn liveliness_key(group: &str, phone: &str) -> Result<String, KeyNameError> 
     phone_key(group, phone, "alive")
 }
 
+/// Where an agent asks how many of its epochs the hub has received.
+///
+/// # Errors
+/// When a name cannot be a chunk of a key.
+pub fn receipt_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
+    phone_key(group, phone, "receipt")
+}
+
+/// All phones' receipts of a group.
+///
+/// # Errors
+/// When the group's name cannot be a chunk of a key.
+pub fn all_receipts_key(group: &str) -> Result<String, KeyNameError> {
+    check_name(group).map(|()| format!("cofix/{group}/phone/*/receipt"))
+}
+
 /// Where a phone's fused states are published.
 ///
 /// # Errors
@@ -146,6 +163,8 @@ mod tests {
         assert_eq!(status_key("g", "p").unwrap(), "cofix/g/phone/p/status");
         assert_eq!(liveliness_key("g", "p").unwrap(), "cofix/g/phone/p/alive");
         assert_eq!(fused_key("g", "p").unwrap(), "cofix/g/fused/p");
+        assert_eq!(receipt_key("g", "p").unwrap(), "cofix/g/phone/p/receipt");
+        assert_eq!(all_receipts_key("g").unwrap(), "cofix/g/phone/*/receipt");
         assert_eq!(all_epochs_key("g").unwrap(), "cofix/g/phone/*/epoch");
         assert_eq!(all_status_key("g").unwrap(), "cofix/g/phone/*/status");
         assert_eq!(all_liveliness_key("g").unwrap(), "cofix/g/phone/*/alive");

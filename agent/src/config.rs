@@ -1,0 +1,113 @@
+//! What an agent is told.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use cofix_common::gnss::ObservationEpoch;
+use cofix_common::orbit::Products;
+
+use crate::pipeline::PipelineOptions;
+
+/// Everything about one agent's run.
+#[derive(Clone, Debug)]
+pub struct AgentConfig {
+    /// The group that the phone belongs to.
+    pub group: String,
+    /// The phone's name within the group.
+    pub phone: String,
+    /// Where observations come from.
+    pub source: Source,
+    /// Where orbits and the rest come from.
+    pub products: ProductSource,
+    /// Zenoh endpoints of the hub (or a router), such as `tcp/127.0.0.1:7447`.
+    pub connect: Vec<String>,
+    /// How fast recorded epochs are published.
+    pub speed: Speed,
+    /// The estimator's settings.
+    pub pipeline: PipelineOptions,
+    /// How long to wait for the hub: to be reachable, to listen, and, without progress, to confirm receipt.
+    pub patience: Duration,
+    /// How many of the last messages are kept for a hub that comes late or loses its connection.
+    pub kept_messages: usize,
+}
+
+impl AgentConfig {
+    /// Ten seconds of patience for a hub.
+    pub const PATIENCE: Duration = Duration::from_secs(10);
+    /// An hour at 1 Hz; about 30 MB.
+    pub const KEPT_MESSAGES: usize = 3_600;
+}
+
+/// Where observations come from.
+#[derive(Clone, Debug)]
+pub enum Source {
+    /// A RINEX 3 observation file, plain or gzip-compressed.
+    File(PathBuf),
+    /// Epochs in memory, in order of time: a simulated phone.
+    Epochs(Arc<Vec<ObservationEpoch>>),
+}
+
+/// Where orbits and the rest come from.
+#[derive(Clone, Debug)]
+pub enum ProductSource {
+    /// SP3 and RINEX navigation files, plain or gzip-compressed.
+    Files {
+        /// Precise orbits and clocks.
+        sp3: Vec<PathBuf>,
+        /// Broadcast navigation.
+        navigation: Vec<PathBuf>,
+    },
+    /// Read already, and shared.
+    Loaded(Arc<Products>),
+}
+
+/// How fast recorded epochs are published.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Speed {
+    /// As fast as they are computed.
+    #[default]
+    Maximum,
+    /// So many times the speed at which they were recorded; above 0.
+    Times(f64),
+}
+
+/// A speed that is none.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "'{text}' is not a speed: write 'max', or a number above 0 (1 = as recorded, 10 = ten times as fast)"
+)]
+pub struct SpeedError {
+    text: String,
+}
+
+impl FromStr for Speed {
+    type Err = SpeedError;
+
+    fn from_str(text: &str) -> Result<Self, SpeedError> {
+        if text == "max" {
+            return Ok(Self::Maximum);
+        }
+        match text.parse::<f64>() {
+            Ok(times) if times.is_finite() && times > 0.0 => Ok(Self::Times(times)),
+            _ => Err(SpeedError { text: text.to_owned() }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speeds_are_read_and_refused() {
+        assert_eq!("max".parse(), Ok(Speed::Maximum));
+        assert_eq!("1".parse(), Ok(Speed::Times(1.0)));
+        assert_eq!("2.5".parse(), Ok(Speed::Times(2.5)));
+        for text in ["", "0", "-1", "inf", "nan", "fast", "Max"] {
+            let error = text.parse::<Speed>().unwrap_err();
+            assert!(error.to_string().contains("is not a speed"), "{error}");
+        }
+    }
+}

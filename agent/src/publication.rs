@@ -1,0 +1,203 @@
+//! What an agent says on Zenoh, so that nothing of it is lost.
+//!
+//! - The first epoch waits until somebody listens.
+//! - The last messages are kept, so that a hub that comes late or reconnects gets what it missed, in order.
+//! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
+//! - At the end the agent asks the hub how many epochs it has, and stays until that is all of them.
+
+use std::time::{Duration, Instant};
+
+use cofix_common::wire::{
+    EpochMessage, KeyNameError, PhoneStatus, StatusMessage, WireError, encode, epoch_key, liveliness_key,
+    receipt_key, status_key,
+};
+use zenoh::liveliness::LivelinessToken;
+use zenoh::qos::{CongestionControl, Reliability};
+use zenoh::{Session, Wait};
+use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
+
+use crate::Stop;
+
+/// How often a late last sample is announced.
+const HEARTBEAT: Duration = Duration::from_millis(500);
+/// How often something awaited is looked at.
+const POLL: Duration = Duration::from_millis(5);
+/// Longest wait for an answer to one question about receipts.
+const ANSWER: Duration = Duration::from_secs(2);
+
+/// Why something could not be published.
+#[derive(Debug, thiserror::Error)]
+pub enum PublicationError {
+    /// A name that cannot be part of a key.
+    #[error(transparent)]
+    Name(#[from] KeyNameError),
+    /// A message that cannot be encoded.
+    #[error(transparent)]
+    Wire(#[from] WireError),
+    /// Zenoh refuses.
+    #[error("Zenoh: {0}")]
+    Zenoh(String),
+    /// Nobody subscribes.
+    #[error(
+        "connected, but no hub listens for group '{group}' within {waited_s:.0} s: does it run this group?"
+    )]
+    NoListener {
+        /// The group.
+        group: String,
+        /// How long was waited, s.
+        waited_s: f64,
+    },
+}
+
+fn zenoh_error(error: impl std::fmt::Display) -> PublicationError {
+    PublicationError::Zenoh(error.to_string())
+}
+
+/// Who publishes.
+#[derive(Clone, Copy, Debug)]
+pub struct Publisher<'a> {
+    /// The group.
+    pub group: &'a str,
+    /// The phone.
+    pub phone: &'a str,
+    /// How many of the last messages are kept for a hub that comes late or reconnects.
+    pub kept_messages: usize,
+}
+
+/// One agent's publishers and liveliness token.
+pub struct Publication {
+    group: String,
+    phone: String,
+    receipt_key: String,
+    session: Session,
+    epochs: AdvancedPublisher<'static>,
+    status: AdvancedPublisher<'static>,
+    alive: LivelinessToken,
+    published: u64,
+}
+
+impl Publication {
+    /// Declares everything on a session, which it closes at the end.
+    ///
+    /// # Errors
+    /// When a name cannot be part of a key, or Zenoh refuses.
+    pub fn declare(session: Session, publisher: Publisher<'_>) -> Result<Self, PublicationError> {
+        let Publisher { group, phone, kept_messages } = publisher;
+        let epochs = declare(&session, epoch_key(group, phone)?, kept_messages)?;
+        let status = declare(&session, status_key(group, phone)?, 2)?;
+        let alive =
+            session.liveliness().declare_token(liveliness_key(group, phone)?).wait().map_err(zenoh_error)?;
+        Ok(Self {
+            group: group.to_owned(),
+            phone: phone.to_owned(),
+            receipt_key: format!("{}?run={}", receipt_key(group, phone)?, session.zid()),
+            session,
+            epochs,
+            status,
+            alive,
+            published: 0,
+        })
+    }
+
+    /// Waits until somebody listens to epochs and status; `false` when asked to stop meanwhile.
+    ///
+    /// # Errors
+    /// When nobody does within `patience`.
+    pub fn wait_for_listener(&self, patience: Duration, stop: &Stop) -> Result<bool, PublicationError> {
+        let start = Instant::now();
+        while !(listened(&self.epochs)? && listened(&self.status)?) {
+            if start.elapsed() >= patience {
+                let (group, waited_s) = (self.group.clone(), patience.as_secs_f64());
+                return Err(PublicationError::NoListener { group, waited_s });
+            }
+            if stop.sleep(POLL) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Publishes an epoch.
+    ///
+    /// # Errors
+    /// When the message cannot be encoded, or Zenoh refuses.
+    pub fn epoch(&mut self, message: &EpochMessage) -> Result<(), PublicationError> {
+        self.epochs.put(encode(message)?).wait().map_err(zenoh_error)?;
+        self.published += 1;
+        Ok(())
+    }
+
+    /// Publishes a status.
+    ///
+    /// # Errors
+    /// When the message cannot be encoded, or Zenoh refuses.
+    pub fn status(&self, status: PhoneStatus) -> Result<(), PublicationError> {
+        let message = StatusMessage { phone: self.phone.clone(), status };
+        self.status.put(encode(&message)?).wait().map_err(zenoh_error)
+    }
+
+    /// How many epochs were published.
+    pub const fn published(&self) -> u64 {
+        self.published
+    }
+
+    /// Asks the hub until it has every epoch, or has made no progress for `patience`. How many it has; `None` when it
+    /// never answered.
+    pub fn wait_for_receipt(&self, patience: Duration, stop: &Stop) -> Option<u64> {
+        let mut progress = Instant::now();
+        let mut received = None;
+        while received < Some(self.published) && progress.elapsed() < patience {
+            let answer = self.ask_for_receipt();
+            if answer > received {
+                received = answer;
+                progress = Instant::now();
+            } else if stop.sleep(POLL) {
+                break;
+            }
+        }
+        received
+    }
+
+    fn ask_for_receipt(&self) -> Option<u64> {
+        let replies = self.session.get(&self.receipt_key).timeout(ANSWER).wait().ok()?;
+        while let Ok(reply) = replies.recv() {
+            let text = reply.result().ok().map(|sample| sample.payload().to_bytes().into_owned());
+            let count = text.and_then(|bytes| String::from_utf8(bytes).ok()?.parse().ok());
+            if count.is_some() {
+                return count;
+            }
+        }
+        None
+    }
+
+    /// Takes everything back and closes the session.
+    ///
+    /// # Errors
+    /// When Zenoh refuses.
+    pub fn close(self) -> Result<(), PublicationError> {
+        self.epochs.undeclare().wait().map_err(zenoh_error)?;
+        self.status.undeclare().wait().map_err(zenoh_error)?;
+        self.alive.undeclare().wait().map_err(zenoh_error)?;
+        self.session.close().wait().map_err(zenoh_error)
+    }
+}
+
+fn declare(
+    session: &Session,
+    key: String,
+    kept_messages: usize,
+) -> Result<AdvancedPublisher<'static>, PublicationError> {
+    session
+        .declare_publisher(key)
+        .congestion_control(CongestionControl::Block)
+        .reliability(Reliability::Reliable)
+        .cache(CacheConfig::default().max_samples(kept_messages.max(1)))
+        .sample_miss_detection(MissDetectionConfig::default().heartbeat(HEARTBEAT))
+        .publisher_detection()
+        .wait()
+        .map_err(zenoh_error)
+}
+
+fn listened(publisher: &AdvancedPublisher<'_>) -> Result<bool, PublicationError> {
+    publisher.matching_status().wait().map(|status| status.matching()).map_err(zenoh_error)
+}

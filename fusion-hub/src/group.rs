@@ -1,0 +1,260 @@
+//! One group at work: events in, fused epochs out, on one thread.
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use cofix_agent::Stop;
+use cofix_common::skips::Skips;
+
+use crate::align::Aligner;
+use crate::engine::Engine;
+use crate::intake::{Arrival, Intake, Notice};
+use crate::network::{Event, Receipts};
+use crate::outputs::Outputs;
+use crate::report::Report;
+
+/// How long the thread waits for an event before it looks at the clock.
+const TICK: Duration = Duration::from_millis(50);
+/// How long the epochs of an agent that has ended may stay away: its last status may overtake them.
+const STRAGGLERS: Duration = Duration::from_secs(10);
+
+/// How a group comes to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Course {
+    /// Every phone of the group has an agent in this process; the end is when all have ended. Every message counts.
+    Replay,
+    /// Phones come and go; the end is when somebody asks, or, if so wished, when all agents have ended.
+    Live {
+        /// Whether to end when all agents of the group have ended.
+        until_finished: bool,
+    },
+}
+
+/// A group at work.
+pub struct Group {
+    name: String,
+    phones: Vec<String>,
+    course: Course,
+    intake: Intake,
+    aligner: Aligner,
+    engine: Engine,
+    receipts: Receipts,
+    outputs: Outputs,
+    start: Instant,
+    /// Since when epochs of agents that have ended are missing.
+    missing_since: Option<Instant>,
+}
+
+/// The parts of a group.
+pub struct Parts {
+    /// The group's name.
+    pub name: String,
+    /// The phones' names.
+    pub phones: Vec<String>,
+    /// How it ends.
+    pub course: Course,
+    /// Alignment.
+    pub aligner: Aligner,
+    /// Estimation.
+    pub engine: Engine,
+    /// What agents are told about receipt.
+    pub receipts: Receipts,
+    /// Consumers.
+    pub outputs: Outputs,
+}
+
+impl Group {
+    /// Puts a group together.
+    pub fn new(parts: Parts) -> Self {
+        Self {
+            intake: Intake::new(&parts.phones),
+            name: parts.name,
+            phones: parts.phones,
+            course: parts.course,
+            aligner: parts.aligner,
+            engine: parts.engine,
+            receipts: parts.receipts,
+            outputs: parts.outputs,
+            start: Instant::now(),
+            missing_since: None,
+        }
+    }
+
+    /// The phones' names.
+    pub fn phones(&self) -> &[String] {
+        &self.phones
+    }
+
+    /// Works until the end.
+    ///
+    /// # Errors
+    /// When an agent fails, a message is lost, or an output cannot be written.
+    pub fn work(&mut self, events: &Receiver<Event>, stop: &Stop) -> anyhow::Result<()> {
+        while !self.is_over() && !stop.is_requested() {
+            match events.recv_timeout(TICK) {
+                Ok(event) => self.handle(event)?,
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            self.fuse_ready()?;
+            self.fuse_overdue()?;
+            self.check_stragglers()?;
+        }
+        if stop.is_requested() && self.course == Course::Replay {
+            bail!("stopped before the end of the session");
+        }
+        for phone in 0..self.phones.len() {
+            self.aligner.finish(phone);
+        }
+        self.fuse_ready()
+    }
+
+    /// The report, and the outputs to finish.
+    pub fn report(&mut self) -> (Report, &mut Outputs) {
+        let mut skips = self.intake.skips().clone();
+        skips.merge(self.engine.skips());
+        let report = Report {
+            group: self.name.clone(),
+            methods: self.outputs.scores.methods(),
+            unscored: self.outputs.scores.unscored(),
+            epochs: self.outputs.tally.epochs(),
+            common_epochs: self.outputs.tally.common_epochs(),
+            phones: self.outputs.tally.phones(|phone| self.phone_skips(phone)),
+            constraints: self.outputs.tally.constraints(),
+            skips,
+        };
+        (report, &mut self.outputs)
+    }
+
+    /// Whether a session makes sense now that it is over.
+    ///
+    /// # Errors
+    /// When a phone had nothing usable, or no two phones were there at one time.
+    pub fn check_result(&self) -> anyhow::Result<()> {
+        let tally = &self.outputs.tally;
+        for (index, name) in self.phones.iter().enumerate() {
+            if tally.usable_epochs(index) == 0 {
+                let skips = self.phone_skips(index);
+                let why = if skips.is_empty() { "nothing was skipped".to_owned() } else { skips.to_string() };
+                bail!("{name}: no epoch with a usable observation, so there is nothing to fuse: {why}");
+            }
+        }
+        if self.phones.len() > 1 && tally.common_epochs() == 0 {
+            let span = |(index, name): (usize, &String)| {
+                let span = tally.span(index);
+                span.map_or_else(|| format!("{name} has none"), |(a, b)| format!("{name} from {a} to {b}"))
+            };
+            let spans: Vec<String> = self.phones.iter().enumerate().map(span).collect();
+            bail!("the phones have no common time, so there is nothing to fuse: {}", spans.join(", "));
+        }
+        Ok(())
+    }
+
+    fn phone_skips(&self, phone: usize) -> Skips {
+        let mut skips =
+            self.intake.finished(phone).map(|finished| finished.skips.clone()).unwrap_or_default();
+        for more in [self.intake.phone_skips(phone), self.aligner.skips(phone)].into_iter().flatten() {
+            skips.merge(more);
+        }
+        skips
+    }
+
+    fn is_over(&self) -> bool {
+        self.course != Course::Live { until_finished: false }
+            && (0..self.phones.len()).all(|phone| self.intake.is_complete(phone))
+    }
+
+    fn handle(&mut self, event: Event) -> anyhow::Result<()> {
+        match event {
+            Event::Epoch(arrival) => self.epoch(&arrival),
+            Event::Status(arrival) => self.status(&arrival),
+            Event::Alive { phone, alive } => self.alive(&phone, alive),
+            Event::AgentEnded { phone, outcome: Err(error) } => bail!("{phone}: {error}"),
+            Event::AgentEnded { .. } => {}
+        }
+        Ok(())
+    }
+
+    fn epoch(&mut self, arrival: &Arrival) {
+        let accepted = self.intake.epoch(arrival);
+        if let (Some(phone), Some(sender)) = (self.intake.index(&arrival.phone), &arrival.sender) {
+            self.receipts.note(&arrival.phone, sender, self.intake.received(phone, sender));
+        }
+        if let Some((phone, message)) = accepted {
+            self.aligner.push(phone, message, self.start.elapsed());
+            self.end_if_complete(phone);
+        }
+    }
+
+    fn status(&mut self, arrival: &Arrival) {
+        match self.intake.status(arrival) {
+            Some(Notice::Started { summary, .. }) => {
+                tracing::info!("{}: agent started: {summary}", arrival.phone);
+                self.outputs.expect(self.intake.expected());
+            }
+            Some(Notice::Finished { phone, error }) => {
+                match error {
+                    Some(error) => tracing::warn!("{}: agent ended early: {error}", arrival.phone),
+                    None => tracing::info!("{}: agent finished", arrival.phone),
+                }
+                self.end_if_complete(phone);
+            }
+            None => {}
+        }
+    }
+
+    fn alive(&mut self, phone: &str, alive: bool) {
+        let Some(index) = self.intake.index(phone) else {
+            tracing::warn!("an agent for '{phone}' is here, but the session does not name that phone");
+            return;
+        };
+        tracing::info!("{phone}: agent {}", if alive { "is here" } else { "is gone" });
+        // Its last epochs are ahead of the loss of its token only on the same link; in a replay its end is known exactly.
+        if !alive && self.course != Course::Replay && !self.intake.is_complete(index) {
+            self.aligner.leave(index);
+        }
+    }
+
+    fn end_if_complete(&mut self, phone: usize) {
+        if self.intake.is_complete(phone) {
+            self.aligner.finish(phone);
+        }
+    }
+
+    fn fuse_ready(&mut self) -> anyhow::Result<()> {
+        while let Some(bucket) = self.aligner.pop_ready() {
+            self.outputs.push(&self.engine.step(bucket))?;
+        }
+        Ok(())
+    }
+
+    fn fuse_overdue(&mut self) -> anyhow::Result<()> {
+        if self.course == Course::Replay {
+            return Ok(());
+        }
+        while let Some(bucket) = self.aligner.pop_overdue(self.start.elapsed()) {
+            self.outputs.push(&self.engine.step(bucket))?;
+        }
+        Ok(())
+    }
+
+    /// Epochs that an agent has published and that do not come are lost: an error in a replay, a warning live.
+    fn check_stragglers(&mut self) -> anyhow::Result<()> {
+        let missing = |phone: &usize| self.intake.shortfall(*phone).is_some_and(|missing| missing > 0);
+        let Some(phone) = (0..self.phones.len()).find(missing) else {
+            self.missing_since = None;
+            return Ok(());
+        };
+        if self.missing_since.get_or_insert_with(Instant::now).elapsed() < STRAGGLERS {
+            return Ok(());
+        }
+        let name = self.phones.get(phone).map_or("?", String::as_str);
+        let missing = self.intake.shortfall(phone).unwrap_or(0);
+        if self.course == Course::Replay {
+            bail!("{name}: {missing} published epochs did not arrive");
+        }
+        self.aligner.finish(phone);
+        Ok(())
+    }
+}

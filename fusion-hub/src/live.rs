@@ -1,0 +1,61 @@
+//! A session as it happens.
+
+use std::path::PathBuf;
+
+use cofix_agent::Stop;
+use cofix_common::accuracy::Truth;
+use cofix_common::skips::Skips;
+use zenoh::qos::CongestionControl;
+
+use crate::align::{AlignOptions, Aligner};
+use crate::engine::Engine;
+use crate::group::{Course, Group, Parts};
+use crate::network::Network;
+use crate::outputs::Outputs;
+use crate::replay::{Outcome, outcome, read_truth, settings};
+use crate::scores::Scores;
+use crate::session::Session;
+
+/// How a live hub runs.
+#[derive(Clone, Debug)]
+pub struct LiveOptions {
+    /// Zenoh endpoints to listen on.
+    pub listen: Vec<String>,
+    /// Where to record to.
+    pub recording: Option<PathBuf>,
+    /// Whether to end when the agents of all phones have finished.
+    pub until_finished: bool,
+    /// Alignment.
+    pub align: AlignOptions,
+}
+
+/// Runs a hub until `stop` is requested or, if so wished, all agents have finished. Blocks.
+///
+/// # Errors
+/// When the endpoints cannot be listened on, a truth file cannot be used, or an output cannot be written.
+pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+    let phones = session.phone_names();
+    let truths: anyhow::Result<Vec<(String, Option<Truth>)>> =
+        session.phones.iter().map(|phone| Ok((phone.name.clone(), read_truth(phone)?))).collect();
+    let (network, events) = Network::listen(&session.group, &options.listen)?;
+    let scores = Scores::new(truths?, session.truth_quality.clone());
+    // A listener that does not keep up must not hold up the hub.
+    let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Drop), scores);
+    if let Some(path) = &options.recording {
+        outputs.record_to(path, &session.group)?;
+    }
+    tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
+    let mut group = Group::new(Parts {
+        name: session.group.clone(),
+        course: Course::Live { until_finished: options.until_finished },
+        aligner: Aligner::live(phones.len(), options.align),
+        engine: Engine::new(&phones, session.constraints.clone(), settings(session.preset).1),
+        receipts: network.receipts(),
+        outputs,
+        phones,
+    });
+    group.work(&events, stop)?;
+    let outcome = outcome(&mut group, &Skips::default())?;
+    network.close()?;
+    Ok(outcome)
+}

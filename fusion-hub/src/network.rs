@@ -1,0 +1,223 @@
+//! The hub's side of Zenoh: subscriptions, receipts, fused states.
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use cofix_agent::link;
+use cofix_common::wire::{
+    FusedMessage, all_epochs_key, all_liveliness_key, all_receipts_key, all_status_key, encode, fused_key,
+    phone_of_key,
+};
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::qos::CongestionControl;
+use zenoh::query::{Query, Queryable};
+use zenoh::sample::{Sample, SampleKind};
+use zenoh::{Session, Wait};
+use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
+
+use crate::intake::Arrival;
+
+/// Events that may wait for the hub's thread. When they are as many, Zenoh and then the agents are held up.
+const WAITING_EVENTS: usize = 1_024;
+
+/// What happens to a hub.
+#[derive(Debug)]
+pub enum Event {
+    /// An epoch of a phone.
+    Epoch(Arrival),
+    /// A status of a phone.
+    Status(Arrival),
+    /// A phone's agent appeared or disappeared.
+    Alive {
+        /// The phone in the key.
+        phone: String,
+        /// Whether it is there.
+        alive: bool,
+    },
+    /// An agent of this process ended; an error says why it failed.
+    AgentEnded {
+        /// The phone.
+        phone: String,
+        /// How it ended.
+        outcome: Result<(), String>,
+    },
+}
+
+/// How many epochs of each phone's run have arrived, shared with those who ask. Clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct Receipts {
+    shared: Arc<Mutex<BTreeMap<(String, String), u64>>>,
+}
+
+impl Receipts {
+    /// Notes how many epochs of a phone's run by `sender` have arrived.
+    pub fn note(&self, phone: &str, sender: &str, received: u64) {
+        let mut receipts = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        receipts.insert((phone.to_owned(), sender.to_owned()), received);
+    }
+
+    fn look_up(&self, phone: &str, sender: &str) -> u64 {
+        let receipts = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        receipts.get(&(phone.to_owned(), sender.to_owned())).copied().unwrap_or(0)
+    }
+}
+
+/// A hub on Zenoh. Everything ends when it is dropped.
+pub struct Network {
+    session: Session,
+    group: String,
+    receipts: Receipts,
+    sender: SyncSender<Event>,
+    _epochs: AdvancedSubscriber<()>,
+    _status: AdvancedSubscriber<()>,
+    _alive: Subscriber<()>,
+    _receipts: Queryable<()>,
+    _token: LivelinessToken,
+}
+
+fn zenoh_error(error: zenoh::Error) -> anyhow::Error {
+    anyhow::anyhow!("Zenoh: {error}")
+}
+
+impl Network {
+    /// Listens on `endpoints` for the agents of a group. Blocks.
+    ///
+    /// # Errors
+    /// When an endpoint is malformed or taken, or the group's name cannot be part of a key.
+    pub fn listen(group: &str, endpoints: &[String]) -> anyhow::Result<(Self, Receiver<Event>)> {
+        let (sender, events) = sync_channel(WAITING_EVENTS);
+        let receipts = Receipts::default();
+        let session = link::listen(endpoints)?;
+        let epochs = subscribe(&session, &all_epochs_key(group)?, sender.clone(), Event::Epoch)?;
+        let status = subscribe(&session, &all_status_key(group)?, sender.clone(), Event::Status)?;
+        let alive = watch(&session, &all_liveliness_key(group)?, sender.clone())?;
+        let answers = receipts.clone();
+        let queryable = session
+            .declare_queryable(all_receipts_key(group)?)
+            .callback(move |query| answer(&answers, &query))
+            .wait()
+            .map_err(zenoh_error)?;
+        let token = session
+            .liveliness()
+            .declare_token(format!("cofix/{group}/hub/alive"))
+            .wait()
+            .map_err(zenoh_error)?;
+        let network = Self {
+            session,
+            group: group.to_owned(),
+            receipts,
+            sender,
+            _epochs: epochs,
+            _status: status,
+            _alive: alive,
+            _receipts: queryable,
+            _token: token,
+        };
+        Ok((network, events))
+    }
+
+    /// Where agents can connect: the endpoints with the ports that the system chose.
+    pub fn endpoints(&self) -> Vec<String> {
+        self.session.info().locators().wait().iter().map(ToString::to_string).collect()
+    }
+
+    /// For events from this process.
+    pub fn sender(&self) -> SyncSender<Event> {
+        self.sender.clone()
+    }
+
+    /// The receipts that agents ask for.
+    pub fn receipts(&self) -> Receipts {
+        self.receipts.clone()
+    }
+
+    /// A publisher of fused states.
+    pub fn fused_publisher(&self, congestion_control: CongestionControl) -> FusedPublisher {
+        FusedPublisher { session: self.session.clone(), group: self.group.clone(), congestion_control }
+    }
+
+    /// Closes the session.
+    ///
+    /// # Errors
+    /// When Zenoh refuses.
+    pub fn close(self) -> anyhow::Result<()> {
+        self.session.close().wait().map_err(zenoh_error)
+    }
+}
+
+/// Publishes fused states.
+pub struct FusedPublisher {
+    session: Session,
+    group: String,
+    congestion_control: CongestionControl,
+}
+
+impl FusedPublisher {
+    /// Publishes one.
+    ///
+    /// # Errors
+    /// When it cannot be encoded or Zenoh refuses.
+    pub fn publish(&self, message: &FusedMessage) -> anyhow::Result<()> {
+        self.session
+            .put(fused_key(&self.group, &message.phone)?, encode(message)?)
+            .congestion_control(self.congestion_control)
+            .wait()
+            .map_err(zenoh_error)
+    }
+}
+
+fn subscribe(
+    session: &Session,
+    key: &str,
+    sender: SyncSender<Event>,
+    event: fn(Arrival) -> Event,
+) -> anyhow::Result<AdvancedSubscriber<()>> {
+    session
+        .declare_subscriber(key)
+        .callback(move |sample| {
+            if let Some(arrival) = arrival(&sample) {
+                // Fails only when the hub has ended.
+                let _ = sender.send(event(arrival));
+            }
+        })
+        .history(HistoryConfig::default().detect_late_publishers())
+        .recovery(RecoveryConfig::default().heartbeat())
+        .wait()
+        .map_err(zenoh_error)
+}
+
+fn arrival(sample: &Sample) -> Option<Arrival> {
+    if sample.kind() != SampleKind::Put {
+        return None;
+    }
+    let sender = sample.source_info().map(|info| info.source_id().zid().to_string());
+    let phone = phone_of_key(sample.key_expr().as_str())?.to_owned();
+    Some(Arrival { phone, sender, bytes: sample.payload().to_bytes().into_owned() })
+}
+
+fn watch(session: &Session, key: &str, sender: SyncSender<Event>) -> anyhow::Result<Subscriber<()>> {
+    session
+        .liveliness()
+        .declare_subscriber(key)
+        .history(true)
+        .callback(move |sample| {
+            let alive = sample.kind() == SampleKind::Put;
+            if let Some(phone) = phone_of_key(sample.key_expr().as_str()) {
+                let _ = sender.send(Event::Alive { phone: phone.to_owned(), alive });
+            }
+        })
+        .wait()
+        .map_err(zenoh_error)
+}
+
+/// Answers `cofix/<group>/phone/<phone>/receipt?run=<sender>`.
+fn answer(receipts: &Receipts, query: &Query) {
+    let Some(phone) = phone_of_key(query.key_expr().as_str()) else { return };
+    let Some(run) = query.parameters().get("run") else { return };
+    let text = receipts.look_up(phone, run).to_string();
+    if let Err(error) = query.reply(query.key_expr().clone(), text).wait() {
+        tracing::warn!("receipt for {phone} not sent: {error}");
+    }
+}

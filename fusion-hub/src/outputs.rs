@@ -1,0 +1,119 @@
+//! Where fused epochs go: listeners, recording, scores, counts, progress.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use cofix_common::constraint::{Constraint, ConstraintAction};
+use cofix_common::wire::FusedMessage;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::engine::FusedEpoch;
+use crate::network::FusedPublisher;
+use crate::recorder::{Recorded, Recorder, RecorderConfig};
+use crate::report::Tally;
+use crate::scores::Scores;
+
+/// All consumers of fused epochs.
+pub struct Outputs {
+    names: Vec<String>,
+    publisher: FusedPublisher,
+    recorder: Option<(Recorder, PathBuf)>,
+    progress: ProgressBar,
+    /// Positions to be scored.
+    pub scores: Scores,
+    /// Counts.
+    pub tally: Tally,
+}
+
+impl Outputs {
+    /// For a group of phones of these names.
+    pub fn new(names: &[String], publisher: FusedPublisher, scores: Scores) -> Self {
+        Self {
+            names: names.to_vec(),
+            publisher,
+            recorder: None,
+            progress: ProgressBar::hidden(),
+            scores,
+            tally: Tally::new(names),
+        }
+    }
+
+    /// Records into a file, too.
+    ///
+    /// # Errors
+    /// When the file cannot be created.
+    pub fn record_to(&mut self, path: &Path, group: &str) -> anyhow::Result<()> {
+        let config = RecorderConfig { group: group.to_owned(), phones: self.names.clone() };
+        let recorder = Recorder::to_file(path, &config)
+            .with_context(|| format!("{}: cannot create the recording", path.display()))?;
+        self.recorder = Some((recorder, path.to_owned()));
+        Ok(())
+    }
+
+    /// Shows progress on a terminal.
+    pub fn show_progress(&mut self) {
+        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} phone-epochs, {eta} left");
+        self.progress =
+            ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    }
+
+    /// How many phone-epochs there will be.
+    pub fn expect(&self, phone_epochs: u64) {
+        self.progress.set_length(phone_epochs);
+    }
+
+    /// Hands an epoch to everybody.
+    ///
+    /// # Errors
+    /// When the recording cannot be written or Zenoh refuses.
+    pub fn push(&mut self, epoch: &FusedEpoch) -> anyhow::Result<()> {
+        self.tally.push(epoch);
+        self.scores.push(epoch);
+        for (name, phone) in self.names.iter().enumerate() {
+            if let Some(message) = fused_message(epoch, name, phone) {
+                self.publisher.publish(&message)?;
+            }
+        }
+        if let Some((recorder, path)) = &mut self.recorder {
+            let references = self.scores.references(epoch);
+            recorder
+                .record(epoch, &references)
+                .with_context(|| format!("{}: cannot write the recording", path.display()))?;
+        }
+        let messages = epoch.phones.iter().filter(|phone| phone.message.is_some()).count();
+        self.progress.inc(messages as u64);
+        Ok(())
+    }
+
+    /// Ends the progress bar and the recording, into which the accuracy table goes.
+    ///
+    /// # Errors
+    /// When the recording cannot be written to its end.
+    pub fn finish(&mut self, table: &str) -> anyhow::Result<Option<(PathBuf, Recorded)>> {
+        self.progress.finish_and_clear();
+        let Some((recorder, path)) = self.recorder.take() else { return Ok(None) };
+        let recorded = recorder
+            .finish(table)
+            .with_context(|| format!("{}: cannot finish the recording", path.display()))?;
+        Ok(Some((path, recorded)))
+    }
+}
+
+fn fused_message(epoch: &FusedEpoch, index: usize, name: &str) -> Option<FusedMessage> {
+    let phone = epoch.phones.get(index)?;
+    let acted = epoch.actions.iter().filter(|action| concerns(action, index)).count();
+    Some(FusedMessage {
+        phone: name.to_owned(),
+        time_gps: epoch.time_gps,
+        state: phone.state.clone()?,
+        verdict: phone.message.as_ref().map(|message| message.raim.verdict),
+        constraints_acted: u16::try_from(acted).unwrap_or(u16::MAX),
+    })
+}
+
+fn concerns(action: &ConstraintAction, index: usize) -> bool {
+    match action.constraint {
+        Constraint::Distance { phones: (i, j), .. } => i == index || j == index,
+        Constraint::VerticalVelocity { phone, .. } | Constraint::Heading { phone, .. } => phone == index,
+    }
+}

@@ -1,0 +1,263 @@
+//! A recorded (or simulated) session through the whole system: agents with Zenoh sessions of their own on loopback, the same wire,
+//! the same code as live.
+
+use std::path::PathBuf;
+use std::thread::{Builder, JoinHandle};
+
+use anyhow::{Context, anyhow, bail};
+use cofix_agent::pipeline::PipelineOptions;
+use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, source};
+use cofix_common::accuracy::Truth;
+use cofix_common::constraint::ConstraintOptions;
+use cofix_common::filter::FilterOptions;
+use cofix_common::skips::Skips;
+use zenoh::qos::CongestionControl;
+
+use crate::align::{AlignOptions, Aligner};
+use crate::engine::{Engine, EngineOptions, ScheduledConstraint};
+use crate::group::{Course, Group, Parts};
+use crate::network::{Event, Network};
+use crate::outputs::Outputs;
+use crate::recorder::Recorded;
+use crate::report::Report;
+use crate::scores::Scores;
+use crate::session::{Preset, Session, SessionPhone};
+
+/// A port on loopback that the system chooses.
+const LOOPBACK: &str = "tcp/127.0.0.1:0";
+
+/// Everything that a replay needs.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The group's name.
+    pub group: String,
+    /// Orbits and the rest.
+    pub products: ProductSource,
+    /// The phones, in the order that constraints refer to.
+    pub phones: Vec<PlannedPhone>,
+    /// The constraints.
+    pub constraints: Vec<ScheduledConstraint>,
+    /// Qualities of truth rows that count.
+    pub truth_quality: Vec<u8>,
+    /// The estimator's settings.
+    pub preset: Preset,
+}
+
+/// A phone of a replay.
+#[derive(Clone, Debug)]
+pub struct PlannedPhone {
+    /// Its name.
+    pub name: String,
+    /// Its observations.
+    pub source: Source,
+    /// Its truth.
+    pub truth: Option<Truth>,
+}
+
+/// How a replay is made.
+#[derive(Clone, Debug, Default)]
+pub struct ReplayOptions {
+    /// Where to record to.
+    pub recording: Option<PathBuf>,
+    /// How fast.
+    pub speed: Speed,
+    /// Whether to show progress on a terminal.
+    pub progress: bool,
+}
+
+/// What came of a session.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The report.
+    pub report: Report,
+    /// The accuracy table.
+    pub table: String,
+    /// The recording, if one was wished for.
+    pub recording: Option<(PathBuf, Recorded)>,
+}
+
+impl Plan {
+    /// The plan of a session file.
+    ///
+    /// # Errors
+    /// When a phone has no observations or a truth file cannot be used.
+    pub fn from_session(session: &Session) -> anyhow::Result<Self> {
+        let phones: anyhow::Result<Vec<_>> = session.phones.iter().map(planned).collect();
+        Ok(Self {
+            group: session.group.clone(),
+            products: ProductSource::Files {
+                sp3: session.products.sp3.clone(),
+                navigation: session.products.navigation.clone(),
+            },
+            phones: phones?,
+            constraints: session.constraints.clone(),
+            truth_quality: session.truth_quality.clone(),
+            preset: session.preset,
+        })
+    }
+}
+
+fn planned(phone: &SessionPhone) -> anyhow::Result<PlannedPhone> {
+    let observations = phone.observations.clone().ok_or_else(|| {
+        anyhow!(
+            "phone '{}' has no observations; a replay needs `observations = \"FILE\"` for every phone",
+            phone.name
+        )
+    })?;
+    Ok(PlannedPhone {
+        name: phone.name.clone(),
+        source: Source::File(observations),
+        truth: read_truth(phone)?,
+    })
+}
+
+/// Reads a phone's truth, if it has any.
+///
+/// # Errors
+/// When the file cannot be read or holds no truth.
+pub fn read_truth(phone: &SessionPhone) -> anyhow::Result<Option<Truth>> {
+    let Some(path) = &phone.truth else { return Ok(None) };
+    let bytes =
+        std::fs::read(path).with_context(|| format!("{}: cannot read the truth file", path.display()))?;
+    let (truth, skips) =
+        Truth::parse_csv(&bytes).with_context(|| format!("{}: not usable as truth", path.display()))?;
+    if !skips.is_empty() {
+        tracing::warn!("{}: {skips}", path.display());
+    }
+    Ok(Some(truth))
+}
+
+/// The agents' and the hub's settings of a preset.
+pub fn settings(preset: Preset) -> (PipelineOptions, EngineOptions) {
+    match preset {
+        Preset::Default => (PipelineOptions::default(), EngineOptions::default()),
+        Preset::Peng2023 => {
+            let filter = FilterOptions::peng2023();
+            let constraints = ConstraintOptions::peng2023();
+            (PipelineOptions { filter, ..PipelineOptions::default() }, EngineOptions { filter, constraints })
+        }
+    }
+}
+
+/// Runs a session from the first epoch to the last. Blocks.
+///
+/// # Errors
+/// When a file cannot be used, an agent fails, a message is lost, an output cannot be written, or nothing could be fused.
+pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+    let (products, product_skips) = source::products(&plan.products)?;
+    if !product_skips.is_empty() {
+        tracing::warn!("products: {product_skips}");
+    }
+    let (network, events) = Network::listen(&plan.group, &[LOOPBACK.to_owned()])?;
+    let connect = network.endpoints();
+    if connect.is_empty() {
+        bail!("Zenoh does not say which port it listens on");
+    }
+    let mut group = group(plan, options, &network)?;
+    let agents_stop = Stop::default();
+    let agents: anyhow::Result<Vec<_>> = plan
+        .phones
+        .iter()
+        .map(|phone| {
+            let config = AgentConfig {
+                group: plan.group.clone(),
+                phone: phone.name.clone(),
+                source: phone.source.clone(),
+                products: ProductSource::Loaded(products.clone()),
+                connect: connect.clone(),
+                speed: options.speed,
+                pipeline: settings(plan.preset).0,
+                patience: AgentConfig::PATIENCE,
+                kept_messages: AgentConfig::KEPT_MESSAGES,
+            };
+            start_agent(config, &network, agents_stop.clone())
+        })
+        .collect();
+    let worked = group.work(&events, stop);
+    if worked.is_err() {
+        agents_stop.request();
+    }
+    let joined = join(agents?, &events);
+    worked?;
+    joined?;
+    conclude(group, &product_skips, network)
+}
+
+fn group(plan: &Plan, options: &ReplayOptions, network: &Network) -> anyhow::Result<Group> {
+    let phones: Vec<String> = plan.phones.iter().map(|phone| phone.name.clone()).collect();
+    let truths = plan.phones.iter().map(|phone| (phone.name.clone(), phone.truth.clone())).collect();
+    let scores = Scores::new(truths, plan.truth_quality.clone());
+    let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Block), scores);
+    if let Some(path) = &options.recording {
+        outputs.record_to(path, &plan.group)?;
+    }
+    if options.progress {
+        outputs.show_progress();
+    }
+    Ok(Group::new(Parts {
+        name: plan.group.clone(),
+        course: Course::Replay,
+        aligner: Aligner::new(phones.len(), AlignOptions::default()),
+        engine: Engine::new(&phones, plan.constraints.clone(), settings(plan.preset).1),
+        receipts: network.receipts(),
+        outputs,
+        phones,
+    }))
+}
+
+fn start_agent(config: AgentConfig, network: &Network, stop: Stop) -> anyhow::Result<JoinHandle<()>> {
+    let sender = network.sender();
+    let phone = config.phone.clone();
+    let thread = Builder::new().name(format!("agent-{phone}"));
+    let handle = thread.spawn(move || {
+        let run = std::panic::AssertUnwindSafe(|| cofix_agent::run(&config, &stop));
+        let outcome = match std::panic::catch_unwind(run) {
+            Ok(outcome) => outcome.map(|_| ()).map_err(|error| error.to_string()),
+            Err(_) => Err("its agent panicked; this is a bug".to_owned()),
+        };
+        // Fails only when the hub has ended.
+        let _ = sender.send(Event::AgentEnded { phone, outcome });
+    });
+    handle.context("cannot start a thread for an agent")
+}
+
+/// Waits for the agents, emptying the channel meanwhile so that none of them hangs on it.
+fn join(agents: Vec<JoinHandle<()>>, events: &std::sync::mpsc::Receiver<Event>) -> anyhow::Result<()> {
+    let mut failed = None;
+    for agent in agents {
+        while !agent.is_finished() {
+            let event = events.recv_timeout(std::time::Duration::from_millis(20));
+            if let Ok(Event::AgentEnded { phone, outcome: Err(error) }) = event {
+                failed.get_or_insert_with(|| anyhow!("{phone}: {error}"));
+            }
+        }
+        // Panics were caught and reported inside.
+        let _ = agent.join();
+    }
+    while let Ok(event) = events.try_recv() {
+        if let Event::AgentEnded { phone, outcome: Err(error) } = event {
+            failed.get_or_insert_with(|| anyhow!("{phone}: {error}"));
+        }
+    }
+    failed.map_or(Ok(()), Err)
+}
+
+fn conclude(mut group: Group, product_skips: &Skips, network: Network) -> anyhow::Result<Outcome> {
+    group.check_result()?;
+    let outcome = outcome(&mut group, product_skips)?;
+    network.close()?;
+    Ok(outcome)
+}
+
+/// Report, table and finished recording of a group.
+///
+/// # Errors
+/// When the recording cannot be written to its end.
+pub(crate) fn outcome(group: &mut Group, product_skips: &Skips) -> anyhow::Result<Outcome> {
+    let names = group.phones().to_vec();
+    let (mut report, outputs) = group.report();
+    report.skips.merge(product_skips);
+    let table = report.table(&names);
+    let recording = outputs.finish(&table)?;
+    Ok(Outcome { report, table, recording })
+}
