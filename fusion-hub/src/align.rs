@@ -54,7 +54,7 @@ impl Default for AlignOptions {
         Self {
             tolerance_s: 0.5,
             simultaneous_s: 0.02,
-            maximum_step_s: 10.0,
+            maximum_step_s: 300.0,
             maximum_wait: Duration::from_millis(1_500),
         }
     }
