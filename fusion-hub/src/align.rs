@@ -16,6 +16,10 @@
 //! Three or more phones whose epochs are spread over more than the tolerance fall into alternating buckets; all messages are
 //! used even so.
 //!
+//! **Absurd times.** One message with a wrong date must not turn all later ones into steps backwards. A phone's first message, and one
+//! that is far ahead of the one before it, is held back until the phone's next message follows closely, and is dropped
+//! when that does not.
+//!
 //! **Live.** A phone may fall silent. [`Aligner::pop_overdue`] closes a bucket whose anchor has waited too long, and stops waiting for
 //! the silent phones until they speak again. What they then say of the time before is late: counted and dropped.
 
@@ -25,6 +29,9 @@ use std::time::Duration;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
+
+/// Most messages of a phone held back for confirmation.
+const MAXIMUM_HELD: usize = 4;
 
 /// Epochs of one bucket, by phone; `None` where a phone has none.
 pub type Bucket = Vec<Option<EpochMessage>>;
@@ -36,13 +43,20 @@ pub struct AlignOptions {
     pub tolerance_s: f64,
     /// Messages this close count as simultaneous, s. Two messages of one phone must be further apart.
     pub simultaneous_s: f64,
+    /// A message further ahead of the phone's previous one must be confirmed by the next, s.
+    pub maximum_step_s: f64,
     /// How long [`Aligner::pop_overdue`] lets an anchor wait.
     pub maximum_wait: Duration,
 }
 
 impl Default for AlignOptions {
     fn default() -> Self {
-        Self { tolerance_s: 0.5, simultaneous_s: 0.02, maximum_wait: Duration::from_millis(1_500) }
+        Self {
+            tolerance_s: 0.5,
+            simultaneous_s: 0.02,
+            maximum_step_s: 300.0,
+            maximum_wait: Duration::from_millis(1_500),
+        }
     }
 }
 
@@ -66,6 +80,8 @@ struct Waiting {
 #[derive(Debug)]
 struct Track {
     queue: VecDeque<Waiting>,
+    /// Messages whose time is not confirmed, at most [`MAXIMUM_HELD`].
+    held: Vec<Waiting>,
     presence: Presence,
     latest: Option<GpsTime>,
     skips: Skips,
@@ -74,6 +90,37 @@ struct Track {
 impl Track {
     fn time(&self, position: usize) -> Option<GpsTime> {
         self.queue.get(position).map(|waiting| waiting.message.time_gps)
+    }
+
+    /// Queues a message, unless it is too early.
+    fn accept(&mut self, waiting: Waiting, options: &AlignOptions, done_to: Option<GpsTime>) {
+        let time = waiting.message.time_gps;
+        if let Some(reason) = refusal(time, self.latest, done_to, options.simultaneous_s) {
+            self.skips.add(reason, || describe(&waiting.message, self.latest, done_to));
+            return;
+        }
+        self.latest = Some(time);
+        self.presence = Presence::Running;
+        self.queue.push_back(waiting);
+        self.drop_held();
+    }
+
+    /// Holds a message back until the next confirms it.
+    fn hold(&mut self, waiting: Waiting) {
+        if self.held.iter().any(|held| held.message.time_gps == waiting.message.time_gps) {
+            self.skips.add("epoch received twice", || describe(&waiting.message, self.latest, None));
+            return;
+        }
+        if self.held.len() >= MAXIMUM_HELD {
+            self.drop_held();
+        }
+        self.held.push(waiting);
+    }
+
+    fn drop_held(&mut self) {
+        for held in std::mem::take(&mut self.held) {
+            self.skips.add("epoch far from its neighbours", || describe(&held.message, self.latest, None));
+        }
     }
 }
 
@@ -105,39 +152,53 @@ impl Aligner {
     }
 
     fn with_presence(phones: usize, options: AlignOptions, presence: Presence) -> Self {
-        let track = |_| Track { queue: VecDeque::new(), presence, latest: None, skips: Skips::default() };
+        let track = |_| Track {
+            queue: VecDeque::new(),
+            held: Vec::new(),
+            presence,
+            latest: None,
+            skips: Skips::default(),
+        };
         Self { tracks: (0..phones).map(track).collect(), options, done_to: None }
     }
 
     /// Takes a message of the phone with index `phone`, received at `now` by any steady clock. A message that is not later than
     /// the phone's previous one, or than a bucket already given out, is counted and dropped.
     pub fn push(&mut self, phone: usize, message: EpochMessage, now: Duration) {
-        let (simultaneous_s, done_to) = (self.options.simultaneous_s, self.done_to);
+        let (options, done_to) = (self.options, self.done_to);
         let Some(track) = self.tracks.get_mut(phone) else { return };
-        let time = message.time_gps;
-        let previous = track.latest;
-        if let Some(reason) = refusal(time, previous, done_to, simultaneous_s) {
-            track.skips.add(reason, || describe(&message, previous, done_to));
-            return;
+        let waiting = Waiting { message, arrived: now };
+        let step_s = |from: GpsTime| waiting.message.time_gps - from;
+        let near = |from: GpsTime| step_s(from) > 0.0 && step_s(from) <= options.maximum_step_s;
+        if track.latest.is_some_and(|latest| step_s(latest) <= options.maximum_step_s) {
+            track.accept(waiting, &options, done_to);
+        } else if let Some(position) = track.held.iter().position(|held| near(held.message.time_gps)) {
+            let confirmed = track.held.remove(position);
+            track.accept(confirmed, &options, done_to);
+            track.accept(waiting, &options, done_to);
+        } else {
+            track.hold(waiting);
         }
-        track.latest = Some(time);
-        track.presence = Presence::Running;
-        track.queue.push_back(Waiting { message, arrived: now });
     }
 
     /// The phone will deliver nothing more; what it has delivered still counts.
     pub fn finish(&mut self, phone: usize) {
-        self.set_presence(phone, Presence::Finished);
+        let (options, done_to) = (self.options, self.done_to);
+        if let Some(track) = self.tracks.get_mut(phone) {
+            // The only message of a phone has nothing to contradict it.
+            if track.latest.is_none() && !track.held.is_empty() {
+                let only = track.held.remove(0);
+                track.accept(only, &options, done_to);
+            }
+            track.drop_held();
+            track.presence = Presence::Finished;
+        }
     }
 
     /// The phone is gone for now: buckets do not wait for it until its next message.
     pub fn leave(&mut self, phone: usize) {
-        self.set_presence(phone, Presence::Away);
-    }
-
-    fn set_presence(&mut self, phone: usize, presence: Presence) {
         if let Some(track) = self.tracks.get_mut(phone) {
-            track.presence = presence;
+            track.presence = Presence::Away;
         }
     }
 
@@ -173,7 +234,7 @@ impl Aligner {
 
     /// How many messages wait.
     pub fn waiting(&self) -> usize {
-        self.tracks.iter().map(|track| track.queue.len()).sum()
+        self.tracks.iter().map(|track| track.queue.len() + track.held.len()).sum()
     }
 
     /// The earliest message of each phone that has one, in order of time, phones in order at one time.

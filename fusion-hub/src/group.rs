@@ -194,9 +194,10 @@ impl Group {
                 self.outputs.expect(self.intake.expected());
             }
             Some(Notice::Finished { phone, error }) => {
-                match error {
-                    Some(error) => tracing::warn!("{}: agent ended early: {error}", arrival.phone),
-                    None => tracing::info!("{}: agent finished", arrival.phone),
+                if let Some(error) = error {
+                    tracing::warn!("{}: agent ended early: {error}", arrival.phone);
+                } else {
+                    tracing::info!("{}: agent finished", arrival.phone);
                 }
                 self.end_if_complete(phone);
             }

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use cofix_agent::Stop;
-use cofix_common::accuracy::Truth;
 use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
@@ -12,7 +11,7 @@ use crate::engine::Engine;
 use crate::group::{Course, Group, Parts};
 use crate::network::Network;
 use crate::outputs::Outputs;
-use crate::replay::{Outcome, outcome, read_truth, settings};
+use crate::replay::{Outcome, outcome, read_truths, settings};
 use crate::scores::Scores;
 use crate::session::Session;
 
@@ -35,10 +34,9 @@ pub struct LiveOptions {
 /// When the endpoints cannot be listened on, a truth file cannot be used, or an output cannot be written.
 pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let phones = session.phone_names();
-    let truths: anyhow::Result<Vec<(String, Option<Truth>)>> =
-        session.phones.iter().map(|phone| Ok((phone.name.clone(), read_truth(phone)?))).collect();
+    let truths = read_truths(&session.phones)?;
     let (network, events) = Network::listen(&session.group, &options.listen)?;
-    let scores = Scores::new(truths?, session.truth_quality.clone());
+    let scores = Scores::new(truths, session.truth_quality.clone());
     // A listener that does not keep up must not hold up the hub.
     let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Drop), scores);
     if let Some(path) = &options.recording {

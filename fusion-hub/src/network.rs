@@ -77,6 +77,7 @@ pub struct Network {
     _token: LivelinessToken,
 }
 
+#[allow(clippy::needless_pass_by_value)] // for `map_err`
 fn zenoh_error(error: zenoh::Error) -> anyhow::Error {
     anyhow::anyhow!("Zenoh: {error}")
 }

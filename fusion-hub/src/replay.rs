@@ -1,7 +1,8 @@
 //! A recorded (or simulated) session through the whole system: agents with Zenoh sessions of their own on loopback, the same wire,
 //! the same code as live.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
@@ -82,7 +83,9 @@ impl Plan {
     /// # Errors
     /// When a phone has no observations or a truth file cannot be used.
     pub fn from_session(session: &Session) -> anyhow::Result<Self> {
-        let phones: anyhow::Result<Vec<_>> = session.phones.iter().map(planned).collect();
+        let truths = read_truths(&session.phones)?;
+        let phones: anyhow::Result<Vec<_>> =
+            session.phones.iter().zip(truths).map(|(phone, (_, truth))| planned(phone, truth)).collect();
         Ok(Self {
             group: session.group.clone(),
             products: ProductSource::Files {
@@ -97,26 +100,37 @@ impl Plan {
     }
 }
 
-fn planned(phone: &SessionPhone) -> anyhow::Result<PlannedPhone> {
+fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<PlannedPhone> {
     let observations = phone.observations.clone().ok_or_else(|| {
         anyhow!(
             "phone '{}' has no observations; a replay needs `observations = \"FILE\"` for every phone",
             phone.name
         )
     })?;
-    Ok(PlannedPhone {
-        name: phone.name.clone(),
-        source: Source::File(observations),
-        truth: read_truth(phone)?,
-    })
+    Ok(PlannedPhone { name: phone.name.clone(), source: Source::File(observations), truth })
 }
 
-/// Reads a phone's truth, if it has any.
+/// Reads the phones' truths, each file once; phones are in order, with their names.
 ///
 /// # Errors
-/// When the file cannot be read or holds no truth.
-pub fn read_truth(phone: &SessionPhone) -> anyhow::Result<Option<Truth>> {
-    let Some(path) = &phone.truth else { return Ok(None) };
+/// When a file cannot be read or holds no truth.
+pub fn read_truths(phones: &[SessionPhone]) -> anyhow::Result<Vec<(String, Option<Truth>)>> {
+    let mut known: BTreeMap<&Path, Truth> = BTreeMap::new();
+    let mut truths = Vec::with_capacity(phones.len());
+    for phone in phones {
+        let truth = match phone.truth.as_deref() {
+            None => None,
+            Some(path) => match known.get(path) {
+                Some(truth) => Some(truth.clone()),
+                None => Some(known.entry(path).or_insert(read_truth(path)?).clone()),
+            },
+        };
+        truths.push((phone.name.clone(), truth));
+    }
+    Ok(truths)
+}
+
+fn read_truth(path: &Path) -> anyhow::Result<Truth> {
     let bytes =
         std::fs::read(path).with_context(|| format!("{}: cannot read the truth file", path.display()))?;
     let (truth, skips) =
@@ -124,7 +138,7 @@ pub fn read_truth(phone: &SessionPhone) -> anyhow::Result<Option<Truth>> {
     if !skips.is_empty() {
         tracing::warn!("{}: {skips}", path.display());
     }
-    Ok(Some(truth))
+    Ok(truth)
 }
 
 /// The agents' and the hub's settings of a preset.
@@ -146,7 +160,7 @@ pub fn settings(preset: Preset) -> (PipelineOptions, EngineOptions) {
 pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let (products, product_skips) = source::products(&plan.products)?;
     if !product_skips.is_empty() {
-        tracing::warn!("products: {product_skips}");
+        tracing::info!("products: {product_skips}");
     }
     let (network, events) = Network::listen(&plan.group, &[LOOPBACK.to_owned()])?;
     let connect = network.endpoints();

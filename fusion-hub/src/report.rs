@@ -54,8 +54,10 @@ pub struct PhoneReport {
 /// What a constraint did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ConstraintReport {
-    /// Epochs at which it acted.
+    /// Epochs at which it changed the state, be it only the tails.
     pub acted: u64,
+    /// Epochs at which the estimate before it was outside the bounds.
+    pub violated: u64,
     /// Largest shift of a phone, m.
     pub largest_shift_m: f64,
     /// Mean shift where it acted, m.
@@ -151,9 +153,20 @@ impl Tally {
 impl ConstraintReport {
     fn push(&mut self, action: &ConstraintAction) {
         self.acted += 1;
+        self.violated += u64::from(is_violated(action));
         self.largest_shift_m = self.largest_shift_m.max(action.shift_m);
         self.mean_shift_m += (action.shift_m - self.mean_shift_m) / self.acted as f64;
         self.enlarged += u64::from(action.enlargements > 0);
+    }
+}
+
+fn is_violated(action: &ConstraintAction) -> bool {
+    match action.constraint {
+        Constraint::Distance { minimum_m, maximum_m, .. } => {
+            !(minimum_m..=maximum_m).contains(&action.before)
+        }
+        Constraint::VerticalVelocity { maximum_mps, .. } => action.before.abs() > maximum_mps,
+        Constraint::Heading { tolerance_rad, .. } => action.before.abs() > tolerance_rad,
     }
 }
 

@@ -86,7 +86,7 @@ impl Scores {
             let reason = match (&scores.truth, scores.span) {
                 (None, _) => "it has no truth".to_owned(),
                 (Some(_), None) => "it has no epochs".to_owned(),
-                (Some(truth), Some(span)) => scores.reason(truth, span, &self.qualities)?,
+                (Some(truth), Some(span)) => unmatched(truth, span, &self.qualities)?,
             };
             Some((scores.name.clone(), reason))
         };
@@ -113,14 +113,15 @@ impl PhoneScores {
     fn accuracy(&self, qualities: &[u8], solutions: &[Solution]) -> Option<Accuracy> {
         score(self.truth.as_ref()?, qualities, self.span?, solutions)
     }
+}
 
-    fn reason(&self, truth: &Truth, (first, last): (GpsTime, GpsTime), qualities: &[u8]) -> Option<String> {
-        if truth.times(qualities).any(|time| time >= first - 0.5 && time <= last + 0.5) {
-            return None;
-        }
-        let covered = truth.span().map_or_else(|| "nothing".to_owned(), |(a, b)| format!("{a} to {b}"));
-        Some(format!(
-            "its truth has no row of quality {qualities:?} within its recording from {first} to {last} (it covers {covered})"
-        ))
+/// Why a truth has no row for a recording, if so.
+fn unmatched(truth: &Truth, (first, last): (GpsTime, GpsTime), qualities: &[u8]) -> Option<String> {
+    if truth.times(qualities).any(|time| time >= first - 0.5 && time <= last + 0.5) {
+        return None;
     }
+    let covered = truth.span().map_or_else(|| "nothing".to_owned(), |(a, b)| format!("{a} to {b}"));
+    Some(format!(
+        "its truth has no row of quality {qualities:?} within its recording from {first} to {last} (it covers {covered})"
+    ))
 }

@@ -1,1 +1,160 @@
-//! Placeholder.
+//! What the whole-system tests share: small simulated sessions, and a hub and agents as separate parts so that faults can be put between
+//! them.
+
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::Context;
+use cofix_agent::{AgentConfig, AgentError, AgentReport, ProductSource, Speed, Stop, link};
+use cofix_common::simulation::{PhoneOptions, Scenario};
+use cofix_hub::align::{AlignOptions, Aligner};
+use cofix_hub::engine::Engine;
+use cofix_hub::group::{Course, Group, Parts};
+use cofix_hub::network::Network;
+use cofix_hub::outputs::Outputs;
+use cofix_hub::replay::{Plan, settings};
+use cofix_hub::report::Report;
+use cofix_hub::scores::Scores;
+use zenoh::qos::CongestionControl;
+
+/// A convoy of `phones` phones for `duration_s` seconds on an open road.
+///
+/// # Errors
+/// When it cannot be simulated.
+pub fn small_plan(phones: usize, duration_s: f64) -> anyhow::Result<Plan> {
+    plan_of((0..phones).map(PhoneOptions::of_vehicle).map(from_the_start).collect(), duration_s)
+}
+
+/// A convoy of the given phones.
+///
+/// # Errors
+/// When it cannot be simulated.
+pub fn plan_of(phones: Vec<PhoneOptions>, duration_s: f64) -> anyhow::Result<Plan> {
+    cofix_hub::demo::plan(Scenario { duration_s, phones, ..Scenario::default() })
+}
+
+fn from_the_start(phone: PhoneOptions) -> PhoneOptions {
+    PhoneOptions { starts_after_s: 0.0, stops_before_s: 0.0, ..phone }
+}
+
+/// A hub at work on a thread of its own.
+pub struct Hub {
+    /// Where agents can connect.
+    pub endpoints: Vec<String>,
+    /// Ends the hub.
+    pub stop: Stop,
+    thread: JoinHandle<anyhow::Result<Report>>,
+}
+
+impl Hub {
+    /// Starts a hub for a plan's group on a port that the system chooses.
+    ///
+    /// # Errors
+    /// When it cannot listen.
+    pub fn start(plan: &Plan, course: Course) -> anyhow::Result<Self> {
+        Self::start_at(plan, course, "tcp/127.0.0.1:0")
+    }
+
+    /// Starts a hub that listens on `endpoint`.
+    ///
+    /// # Errors
+    /// When it cannot.
+    pub fn start_at(plan: &Plan, course: Course, endpoint: &str) -> anyhow::Result<Self> {
+        let (network, events) = Network::listen(&plan.group, &[endpoint.to_owned()])?;
+        let endpoints = network.endpoints();
+        let phones: Vec<String> = plan.phones.iter().map(|phone| phone.name.clone()).collect();
+        let truths = plan.phones.iter().map(|phone| (phone.name.clone(), phone.truth.clone())).collect();
+        let scores = Scores::new(truths, plan.truth_quality.clone());
+        let aligner = match course {
+            Course::Replay => Aligner::new(phones.len(), AlignOptions::default()),
+            Course::Live { .. } => Aligner::live(phones.len(), AlignOptions::default()),
+        };
+        let mut group = Group::new(Parts {
+            name: plan.group.clone(),
+            course,
+            aligner,
+            engine: Engine::new(&phones, plan.constraints.clone(), settings(plan.preset).1),
+            receipts: network.receipts(),
+            outputs: Outputs::new(&phones, network.fused_publisher(CongestionControl::Block), scores),
+            phones,
+        });
+        let stop = Stop::default();
+        let asked = stop.clone();
+        let thread = std::thread::spawn(move || {
+            group.work(&events, &asked)?;
+            // Agents may still ask for receipts; a moment later they have all closed.
+            std::thread::sleep(Duration::from_millis(200));
+            let report = group.report().0;
+            network.close()?;
+            Ok(report)
+        });
+        Ok(Self { endpoints, stop, thread })
+    }
+
+    /// Waits for the end.
+    ///
+    /// # Errors
+    /// Why the hub failed.
+    pub fn join(self) -> anyhow::Result<Report> {
+        self.thread.join().map_err(|_| anyhow::anyhow!("the hub panicked"))?
+    }
+
+    /// Asks the hub to end, and waits for that.
+    ///
+    /// # Errors
+    /// Why the hub failed.
+    pub fn end(self) -> anyhow::Result<Report> {
+        self.stop.request();
+        self.join()
+    }
+
+    /// A Zenoh session of somebody who is no agent.
+    ///
+    /// # Errors
+    /// When the hub does not answer.
+    pub fn foreign_session(&self) -> anyhow::Result<zenoh::Session> {
+        Ok(link::connect(&self.endpoints, Duration::from_secs(10))?)
+    }
+}
+
+/// The configuration of the agent of a plan's phone.
+///
+/// # Errors
+/// When the plan has no such phone.
+pub fn agent_config(plan: &Plan, phone: usize, connect: &[String]) -> anyhow::Result<AgentConfig> {
+    let planned = plan.phones.get(phone).context("no such phone")?;
+    let ProductSource::Loaded(products) = &plan.products else { anyhow::bail!("products are not loaded") };
+    Ok(AgentConfig {
+        group: plan.group.clone(),
+        phone: planned.name.clone(),
+        source: planned.source.clone(),
+        products: ProductSource::Loaded(products.clone()),
+        connect: connect.to_vec(),
+        speed: Speed::Maximum,
+        pipeline: settings(plan.preset).0,
+        patience: Duration::from_secs(20),
+        kept_messages: AgentConfig::KEPT_MESSAGES,
+    })
+}
+
+/// An agent at work on a thread of its own.
+pub type AgentThread = JoinHandle<Result<AgentReport, AgentError>>;
+
+/// Starts an agent.
+pub fn start_agent(config: AgentConfig) -> AgentThread {
+    std::thread::spawn(move || cofix_agent::run(&config, &Stop::default()))
+}
+
+/// Runs the agents of all phones of a plan to their end.
+///
+/// # Errors
+/// When one fails.
+pub fn run_agents(plan: &Plan, connect: &[String]) -> anyhow::Result<()> {
+    let configs: anyhow::Result<Vec<_>> =
+        (0..plan.phones.len()).map(|phone| agent_config(plan, phone, connect)).collect();
+    let agents: Vec<AgentThread> = configs?.into_iter().map(start_agent).collect();
+    for agent in agents {
+        agent.join().map_err(|_| anyhow::anyhow!("an agent panicked"))??;
+    }
+    Ok(())
+}

@@ -84,22 +84,46 @@ fn the_extra_epochs_of_a_fast_phone_stand_alone() {
 fn a_bucket_waits_for_running_phones_only() {
     let mut aligner = Aligner::new(2, AlignOptions::default());
     aligner.push(0, message(0, 0, 0.0), Duration::ZERO);
+    aligner.push(0, message(0, 1, 1.0), Duration::ZERO);
     assert_eq!(aligner.pop_ready(), None);
     aligner.finish(1);
-    assert_eq!(seconds(&drain(&mut aligner)), [[Some(0.0), None]]);
+    assert_eq!(seconds(&drain(&mut aligner)), [[Some(0.0), None], [Some(1.0), None]]);
 }
 
 #[test]
 fn simultaneous_epochs_need_no_look_ahead_but_others_do() {
     let mut aligner = Aligner::new(2, AlignOptions::default());
-    aligner.push(0, message(0, 0, 0.0), Duration::ZERO);
-    aligner.push(1, message(1, 0, 0.0007), Duration::ZERO);
-    assert_eq!(drain(&mut aligner).len(), 1);
-    aligner.push(0, message(0, 1, 1.0), Duration::ZERO);
-    aligner.push(1, message(1, 1, 1.3), Duration::ZERO);
-    assert_eq!(aligner.pop_ready(), None, "phone 0 might be fast and have one at 1.2 s");
-    aligner.push(0, message(0, 2, 1.2), Duration::ZERO);
-    assert_eq!(seconds(&drain(&mut aligner)), [[Some(1.0), None]]);
+    for (sequence, seconds) in [(0, 0.0), (1, 1.0)] {
+        aligner.push(0, message(0, sequence, seconds), Duration::ZERO);
+        aligner.push(1, message(1, sequence, seconds + 0.0007), Duration::ZERO);
+    }
+    assert_eq!(drain(&mut aligner).len(), 2);
+    aligner.push(0, message(0, 2, 2.0), Duration::ZERO);
+    aligner.push(1, message(1, 2, 2.3), Duration::ZERO);
+    assert_eq!(aligner.pop_ready(), None, "phone 0 might be fast and have one at 2.2 s");
+    aligner.push(0, message(0, 3, 2.2), Duration::ZERO);
+    assert_eq!(seconds(&drain(&mut aligner)), [[Some(2.0), None]]);
+}
+
+#[test]
+fn an_absurd_time_costs_one_message() {
+    let year = 365.25 * 86_400.0;
+    for absurd in [[year, 0.0, 1.0, 2.0], [0.0, year, 1.0, 2.0], [0.0, 1.0, year, 2.0], [0.0, 1.0, 2.0, year]]
+    {
+        let mut aligner = Aligner::new(1, AlignOptions::default());
+        for (sequence, &seconds) in absurd.iter().enumerate() {
+            aligner.push(0, message(0, sequence as u64, seconds), Duration::ZERO);
+        }
+        aligner.finish(0);
+        assert_eq!(seconds(&drain(&mut aligner)), [[Some(0.0)], [Some(1.0)], [Some(2.0)]], "{absurd:?}");
+        assert_eq!(aligner.skips(0).unwrap().count("epoch far from its neighbours"), 1, "{absurd:?}");
+    }
+}
+
+#[test]
+fn a_long_pause_is_believed_when_it_goes_on() {
+    assert_eq!(buckets(&[&[0.0, 1.0, 5_000.0, 5_001.0]]).len(), 4);
+    assert_eq!(buckets(&[&[7.0]]), [[Some(7.0)]], "a single epoch is believed");
 }
 
 #[test]
@@ -123,20 +147,22 @@ fn duplicates_and_disorder_are_counted_and_named() {
 fn a_silent_phone_delays_a_live_group_once() {
     let mut aligner = Aligner::live(2, AlignOptions::default());
     let ms = Duration::from_millis;
-    aligner.push(0, message(0, 0, 0.0), ms(0));
-    assert!(aligner.pop_ready().is_some(), "phone 1 has not spoken yet");
-    aligner.push(0, message(0, 1, 1.0), ms(1_000));
-    aligner.push(1, message(1, 0, 1.0), ms(1_010));
-    assert!(aligner.pop_ready().is_some());
-    aligner.push(0, message(0, 2, 2.0), ms(2_000));
+    aligner.push(0, message(0, 0, -1.0), ms(0));
+    aligner.push(0, message(0, 1, 0.0), ms(0));
+    assert_eq!(drain(&mut aligner).len(), 2, "phone 1 has not spoken yet");
+    aligner.push(1, message(1, 0, 0.0), ms(10));
+    aligner.push(0, message(0, 2, 1.0), ms(1_000));
+    aligner.push(1, message(1, 1, 1.0), ms(1_010));
+    assert_eq!(drain(&mut aligner).len(), 2, "its first epoch alone, then both");
+    aligner.push(0, message(0, 3, 2.0), ms(2_000));
     assert_eq!(aligner.pop_ready(), None);
     assert_eq!(aligner.pop_overdue(ms(3_499)), None);
     assert_eq!(seconds(&[aligner.pop_overdue(ms(3_500)).unwrap()]), [[Some(2.0), None]]);
-    aligner.push(0, message(0, 3, 3.0), ms(3_600));
+    aligner.push(0, message(0, 4, 3.0), ms(3_600));
     assert!(aligner.pop_ready().is_some(), "phone 1 is away");
-    aligner.push(1, message(1, 1, 2.0), ms(3_700));
+    aligner.push(1, message(1, 2, 2.0), ms(3_700));
     assert_eq!(aligner.skips(1).unwrap().count("epoch too late"), 1);
-    aligner.push(1, message(1, 2, 4.0), ms(4_000));
+    aligner.push(1, message(1, 3, 4.0), ms(4_000));
     assert_eq!(aligner.pop_ready(), None, "phone 1 is back, and phone 0 is waited for");
     aligner.leave(0);
     assert_eq!(seconds(&drain(&mut aligner)), [[None, Some(4.0)]]);

@@ -1,0 +1,253 @@
+//! What others put on the wire, and agents and hubs that come late or vanish.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use cofix_agent::publication::{Publication, Publisher};
+use cofix_agent::{ProductSource, Source, Stop, link, pipeline::PhonePipeline};
+use cofix_common::wire::{EpochMessage, FusedMessage, PhoneStatus, decode, encode, epoch_key, status_key};
+use cofix_hub::group::Course;
+use cofix_hub::replay::{Plan, ReplayOptions, replay};
+use cofix_tests::{Hub, agent_config, run_agents, small_plan, start_agent};
+use zenoh::Wait;
+use zenoh::sample::Locality;
+
+/// The messages that the agent of a phone would send.
+fn messages(plan: &Plan, phone: usize) -> Vec<EpochMessage> {
+    let ProductSource::Loaded(products) = &plan.products else { panic!("simulated") };
+    let Source::Epochs(epochs) = &plan.phones[phone].source else { panic!("simulated") };
+    let mut pipeline = PhonePipeline::new(&plan.phones[phone].name, Arc::clone(products), Default::default());
+    epochs.iter().map(|epoch| pipeline.process(epoch)).collect()
+}
+
+fn publication(plan: &Plan, phone: usize, endpoints: &[String]) -> Publication {
+    let session = link::connect(endpoints, Duration::from_secs(10)).unwrap();
+    let publisher = Publisher { group: &plan.group, phone: &plan.phones[phone].name, kept_messages: 100 };
+    let publication = Publication::declare(session, publisher).unwrap();
+    assert!(publication.wait_for_listener(Duration::from_secs(10), &Stop::default()).unwrap());
+    publication
+}
+
+#[test]
+fn garbage_of_others_is_counted_and_changes_nothing() {
+    let plan = small_plan(2, 30.0).unwrap();
+    let clean = replay(&plan, &ReplayOptions::default(), &Stop::default()).unwrap().report;
+
+    let hub = Hub::start(&plan, Course::Replay).unwrap();
+    let session = hub.foreign_session().unwrap();
+    let mut absurd = messages(&plan, 0).swap_remove(0);
+    absurd.time_gps = absurd.time_gps + 1e9;
+    let mut nameless = absurd.clone();
+    nameless.phone = "SIM2".to_owned();
+    let mut future = absurd.clone();
+    future.time_gps = cofix_common::time::GpsTime::from_nanos(i64::MAX);
+    let good = encode(&absurd).unwrap();
+    let epochs = epoch_key(&plan.group, "SIM1").unwrap();
+    for bytes in [b"hello".to_vec(), vec![], good[..40].to_vec(), vec![0xff; 300_000], good.clone()] {
+        session.put(&epochs, bytes).wait().unwrap();
+    }
+    session.put(&epochs, encode(&nameless).unwrap()).wait().unwrap();
+    session.put(&epochs, encode(&future).unwrap()).wait().unwrap();
+    session.put(status_key(&plan.group, "SIM1").unwrap(), "hello").wait().unwrap();
+    session.put(epoch_key(&plan.group, "SIM9").unwrap(), good).wait().unwrap();
+    run_agents(&plan, &hub.endpoints).unwrap();
+    let report = hub.join().unwrap();
+
+    assert_eq!(report.methods, clean.methods);
+    assert_eq!(report.epochs, clean.epochs);
+    let skips = &report.phones["SIM1"].skips;
+    assert_eq!(skips.count("message unreadable"), 4, "{skips}");
+    assert_eq!(skips.count("status unreadable"), 1, "{skips}");
+    assert_eq!(skips.count("epoch far from its neighbours"), 1, "{skips}");
+    assert_eq!(report.skips.count("phone unknown to the session"), 1);
+    assert!(report.phones["SIM2"].skips == clean.phones["SIM2"].skips);
+}
+
+#[test]
+fn absurd_values_cost_their_satellite_and_nothing_else() {
+    let plan = small_plan(1, 30.0).unwrap();
+    let hub = Hub::start(&plan, Course::Replay).unwrap();
+    let mut publication = publication(&plan, 0, &hub.endpoints);
+    let mut sent = messages(&plan, 0);
+    for message in &mut sent {
+        message.observations[0].pseudorange_m = f64::NAN;
+        message.observations[1].satellite_position.0.x = 1e300;
+        message.local.as_mut().map(|state| state.mean[0] = f64::INFINITY);
+    }
+    for message in &sent {
+        publication.epoch(message).unwrap();
+    }
+    let status = PhoneStatus::Finished {
+        epochs_published: sent.len() as u64,
+        skips: cofix_common::skips::Skips::default(),
+        error: None,
+    };
+    publication.status(status).unwrap();
+    let report = hub.join().unwrap();
+    publication.close().unwrap();
+    let phone = &report.phones["SIM1"];
+    assert_eq!(phone.epochs, sent.len() as u64);
+    assert_eq!(phone.skips.count("observation in a message"), 2 * sent.len() as u64);
+    assert!(phone.skips.count("part of a message") > 0);
+    assert!(report.methods.joint["SIM1"].unwrap().availability > 0.95);
+    assert_eq!(report.methods.local["SIM1"], None, "every local state was absurd");
+}
+
+#[test]
+fn echoed_messages_are_dropped_and_counted() {
+    let plan = small_plan(2, 30.0).unwrap();
+    let clean = replay(&plan, &ReplayOptions::default(), &Stop::default()).unwrap().report;
+    let hub = Hub::start(&plan, Course::Replay).unwrap();
+    let session = hub.foreign_session().unwrap();
+    let echo = session.clone();
+    let _subscriber = session
+        .declare_subscriber(
+            epoch_key(&plan.group, "*").unwrap_or_else(|_| format!("cofix/{}/phone/*/epoch", plan.group)),
+        )
+        .callback(move |sample| {
+            let put = echo.put(sample.key_expr().clone(), sample.payload().clone());
+            put.allowed_destination(Locality::Remote).wait().unwrap();
+        })
+        .wait()
+        .unwrap();
+    run_agents(&plan, &hub.endpoints).unwrap();
+    let report = hub.join().unwrap();
+    assert_eq!(report.methods, clean.methods);
+    assert_eq!(report.epochs, clean.epochs);
+}
+
+#[test]
+fn a_late_hub_gets_everything_from_the_start() {
+    let plan = small_plan(2, 30.0).unwrap();
+    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let agents: Vec<_> =
+        (0..2).map(|phone| start_agent(agent_config(&plan, phone, &[endpoint.clone()]).unwrap())).collect();
+    std::thread::sleep(Duration::from_millis(500));
+    let hub = Hub::start_at(&plan, Course::Replay, &endpoint).unwrap();
+    for agent in agents {
+        assert!(agent.join().unwrap().is_ok());
+    }
+    let report = hub.join().unwrap();
+    assert_eq!(report.phones["SIM1"].epochs, messages(&plan, 0).len() as u64);
+    assert_eq!(report.phones["SIM2"].epochs, messages(&plan, 1).len() as u64);
+}
+
+#[test]
+fn a_subscriber_that_comes_after_the_epochs_gets_them_from_the_agent() {
+    let plan = small_plan(1, 30.0).unwrap();
+    let first = Hub::start(&plan, Course::Live { until_finished: false }).unwrap();
+    let endpoints = first.endpoints.clone();
+    let mut publication = publication(&plan, 0, &endpoints);
+    let sent = messages(&plan, 0);
+    let (early, late) = sent.split_at(10);
+    for message in early {
+        publication.epoch(message).unwrap();
+    }
+    assert_eq!(publication.wait_for_receipt(Duration::from_secs(10), &Stop::default()), Some(10));
+    first.end().unwrap();
+    // The agent reconnects on its own; what it publishes meanwhile is kept.
+    for message in late {
+        publication.epoch(message).unwrap();
+    }
+    let second = Hub::start_at(&plan, Course::Live { until_finished: true }, &endpoints[0]).unwrap();
+    assert!(publication.wait_for_listener(Duration::from_secs(20), &Stop::default()).unwrap());
+    let published = sent.len() as u64;
+    let received = publication.wait_for_receipt(Duration::from_secs(20), &Stop::default());
+    assert_eq!(received, Some(published));
+    let skips = cofix_common::skips::Skips::default();
+    publication.status(PhoneStatus::Finished { epochs_published: published, skips, error: None }).unwrap();
+    let report = second.join().unwrap();
+    assert_eq!(report.phones["SIM1"].epochs, published);
+}
+
+#[test]
+fn an_agent_that_vanishes_does_not_stop_the_others_and_may_come_back() {
+    let plan = small_plan(2, 30.0).unwrap();
+    let hub = Hub::start(&plan, Course::Live { until_finished: true }).unwrap();
+    let sent = messages(&plan, 0);
+    let mut first = publication(&plan, 0, &hub.endpoints);
+    for message in &sent[..10] {
+        first.epoch(message).unwrap();
+    }
+    assert_eq!(first.wait_for_receipt(Duration::from_secs(10), &Stop::default()), Some(10));
+    drop(first); // without a word
+
+    let other = start_agent(agent_config(&plan, 1, &hub.endpoints).unwrap());
+    assert!(other.join().unwrap().is_ok());
+
+    // A new run counts from 0; what it repeats is dropped, what is new is fused.
+    let mut again = publication(&plan, 0, &hub.endpoints);
+    let mut rest = sent[5..].to_vec();
+    for (sequence, message) in rest.iter_mut().enumerate() {
+        message.sequence = sequence as u64;
+        message.time_gps = message.time_gps + 60.0;
+        again.epoch(message).unwrap();
+    }
+    let skips = cofix_common::skips::Skips::default();
+    again.status(PhoneStatus::Finished { epochs_published: rest.len() as u64, skips, error: None }).unwrap();
+    let report = hub.join().unwrap();
+    again.close().unwrap();
+    assert_eq!(report.phones["SIM1"].epochs, 10 + rest.len() as u64);
+    assert_eq!(report.phones["SIM2"].epochs, messages(&plan, 1).len() as u64);
+}
+
+#[test]
+fn a_lost_message_fails_a_replay() {
+    let plan = small_plan(1, 10.0).unwrap();
+    let hub = Hub::start(&plan, Course::Replay).unwrap();
+    let mut publication = publication(&plan, 0, &hub.endpoints);
+    let sent = messages(&plan, 0);
+    for message in sent.iter().filter(|message| message.sequence != 3) {
+        publication.epoch(message).unwrap();
+    }
+    let skips = cofix_common::skips::Skips::default();
+    let epochs_published = sent.len() as u64;
+    publication.status(PhoneStatus::Finished { epochs_published, skips, error: None }).unwrap();
+    let error = hub.join().unwrap_err().to_string();
+    assert_eq!(error, "SIM1: 1 published epochs did not arrive");
+}
+
+#[test]
+fn fused_states_reach_listeners() {
+    let plan = small_plan(2, 20.0).unwrap();
+    let hub = Hub::start(&plan, Course::Replay).unwrap();
+    let session = hub.foreign_session().unwrap();
+    let fused = session.declare_subscriber(format!("cofix/{}/fused/*", plan.group)).wait().unwrap();
+    run_agents(&plan, &hub.endpoints).unwrap();
+    let report = hub.join().unwrap();
+    let mut count = 0;
+    while let Ok(Some(sample)) = fused.recv_timeout(Duration::from_secs(1)) {
+        let message: FusedMessage = decode(&sample.payload().to_bytes()).unwrap();
+        assert!(sample.key_expr().as_str().ends_with(&message.phone));
+        count += 1;
+        if count == 2 * report.common_epochs {
+            break;
+        }
+    }
+    assert!(count >= 2 * report.common_epochs - 2, "{count} of {}", 2 * report.common_epochs);
+}
+
+#[test]
+fn an_agent_gives_up_on_a_hub_of_another_group() {
+    let plan = small_plan(1, 10.0).unwrap();
+    let hub = Hub::start(&plan, Course::Live { until_finished: false }).unwrap();
+    let mut config = agent_config(&plan, 0, &hub.endpoints).unwrap();
+    config.group = "another".to_owned();
+    config.patience = Duration::from_millis(300);
+    let error = start_agent(config).join().unwrap().unwrap_err().to_string();
+    assert!(error.contains("no hub listens for group 'another'"), "{error}");
+    hub.end().unwrap();
+}
+
+#[test]
+fn an_agent_without_a_hub_says_so() {
+    let plan = small_plan(1, 10.0).unwrap();
+    let mut config = agent_config(&plan, 0, &["tcp/127.0.0.1:9".to_owned()]).unwrap();
+    config.patience = Duration::from_millis(300);
+    let error = start_agent(config.clone()).join().unwrap().unwrap_err().to_string();
+    assert!(error.contains("no hub answers at tcp/127.0.0.1:9"), "{error}");
+    config.connect = vec!["nonsense".to_owned()];
+    let error = start_agent(config).join().unwrap().unwrap_err().to_string();
+    assert!(error.contains("nonsense"), "{error}");
+}

@@ -1,0 +1,129 @@
+//! Whole sessions through agents and hub over Zenoh on loopback.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use cofix_agent::{ProductSource, Source, Stop};
+use cofix_common::orbit::Products;
+use cofix_common::simulation::PhoneOptions;
+use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
+use cofix_tests::{plan_of, small_plan};
+
+fn run(plan: &Plan) -> anyhow::Result<Outcome> {
+    replay(plan, &ReplayOptions::default(), &Stop::default())
+}
+
+fn failure(plan: &Plan) -> String {
+    format!("{:#}", run(plan).expect_err("the replay should fail"))
+}
+
+fn phone(rank: usize, starts_after_s: f64, stops_before_s: f64) -> PhoneOptions {
+    PhoneOptions { starts_after_s, stops_before_s, ..PhoneOptions::of_vehicle(rank) }
+}
+
+#[test]
+fn every_epoch_of_every_phone_is_fused_and_scored() {
+    let plan = small_plan(3, 60.0).unwrap();
+    let report = run(&plan).unwrap().report;
+    for planned in &plan.phones {
+        let Source::Epochs(epochs) = &planned.source else { panic!("simulated") };
+        let of_phone = &report.phones[&planned.name];
+        assert_eq!(of_phone.epochs, epochs.len() as u64, "{}", planned.name);
+        assert!(of_phone.verdicts.values().sum::<u64>() == of_phone.epochs);
+        for methods in [&report.methods.wls, &report.methods.local, &report.methods.joint] {
+            let accuracy = methods[&planned.name].unwrap();
+            assert!(accuracy.availability > 0.95, "{accuracy:?}");
+            assert!(accuracy.horizontal_p95_m < 15.0, "{accuracy:?}");
+        }
+    }
+    assert!(report.common_epochs >= 59, "{}", report.common_epochs);
+    assert!(report.unscored.is_empty());
+    assert!(report.constraints.contains_key("distance SIM1–SIM2"));
+}
+
+#[test]
+fn two_runs_report_the_same_byte_for_byte() {
+    let plan = small_plan(3, 40.0).unwrap();
+    let (first, second) = (run(&plan).unwrap(), run(&plan).unwrap());
+    assert_eq!(first.report.json().unwrap(), second.report.json().unwrap());
+    assert_eq!(first.table, second.table);
+}
+
+#[test]
+fn phones_that_come_and_go_are_fused_while_they_are_there() {
+    let plan = plan_of(vec![phone(0, 0.0, 20.0), phone(1, 20.0, 0.0)], 60.0).unwrap();
+    let report = run(&plan).unwrap().report;
+    assert!((18..=22).contains(&report.common_epochs), "{}", report.common_epochs);
+    assert!((59..=61).contains(&report.epochs), "{}", report.epochs);
+}
+
+#[test]
+fn one_phone_is_a_group_too() {
+    let report = run(&small_plan(1, 30.0).unwrap()).unwrap().report;
+    assert_eq!((report.phones.len(), report.common_epochs), (1, 0));
+    assert!(report.methods.joint["SIM1"].is_some());
+}
+
+#[test]
+fn a_phone_without_truth_is_named_and_not_scored() {
+    let mut plan = small_plan(2, 20.0).unwrap();
+    plan.phones[1].truth = None;
+    let outcome = run(&plan).unwrap();
+    assert_eq!(outcome.report.methods.joint["SIM2"], None);
+    assert!(outcome.report.methods.joint["SIM1"].is_some());
+    assert_eq!(outcome.report.unscored["SIM2"], "it has no truth");
+    assert!(outcome.report.json().unwrap().contains("\"SIM2\": null"));
+    assert!(outcome.table.contains("SIM2 is not scored: it has no truth."));
+}
+
+#[test]
+fn no_common_time_is_an_error_with_both_spans() {
+    let plan = plan_of(vec![phone(0, 0.0, 40.0), phone(1, 40.0, 0.0)], 60.0).unwrap();
+    let message = failure(&plan);
+    assert!(message.contains("no common time") && message.contains("SIM1 from"), "{message}");
+}
+
+#[test]
+fn products_that_know_no_satellite_are_an_error_that_says_why() {
+    let mut plan = small_plan(2, 20.0).unwrap();
+    plan.products = ProductSource::Loaded(Arc::new(Products::default()));
+    let message = failure(&plan);
+    assert!(message.contains("SIM1: no epoch with a usable observation"), "{message}");
+    assert!(message.contains("no orbit in any product"), "{message}");
+}
+
+#[test]
+fn a_missing_file_is_an_error_that_names_phone_and_file() {
+    let mut plan = small_plan(2, 20.0).unwrap();
+    plan.phones[1].source = Source::File(PathBuf::from("no/such/file.rnx"));
+    let message = failure(&plan);
+    assert!(message.contains("SIM2") && message.contains("no/such/file.rnx"), "{message}");
+}
+
+#[test]
+fn missing_products_are_an_error() {
+    let mut plan = small_plan(1, 20.0).unwrap();
+    plan.products = ProductSource::Files { sp3: vec![PathBuf::from("no/orbits.sp3")], navigation: vec![] };
+    assert!(failure(&plan).contains("no/orbits.sp3"));
+    plan.products = ProductSource::Files { sp3: vec![], navigation: vec![] };
+    assert!(failure(&plan).contains("no orbits"));
+}
+
+#[test]
+fn a_recording_is_written_beside_the_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = Some(folder.path().join("session.rrd"));
+    let options = ReplayOptions { recording, ..ReplayOptions::default() };
+    let outcome = replay(&small_plan(2, 20.0).unwrap(), &options, &Stop::default()).unwrap();
+    let (path, recorded) = outcome.recording.unwrap();
+    assert_eq!(std::fs::metadata(path).unwrap().len(), recorded.bytes);
+    assert_eq!(recorded.epochs as u64, outcome.report.epochs);
+}
+
+#[test]
+fn a_request_to_stop_ends_a_replay_with_an_error() {
+    let stop = Stop::default();
+    stop.request();
+    let error = replay(&small_plan(1, 20.0).unwrap(), &ReplayOptions::default(), &stop).unwrap_err();
+    assert!(error.to_string().contains("stopped"), "{error}");
+}
