@@ -26,14 +26,12 @@ fn corrected_observations_fit_the_truth() {
     let simulation = Simulation::new(scenario).unwrap();
     let mut compared = 0;
     for phone in 0..3 {
-        let mut corrector =
-            Corrector::new(Arc::new(simulation.products()), CorrectionOptions::default());
+        let mut corrector = Corrector::new(Arc::new(simulation.products()), CorrectionOptions::default());
         let epochs = simulation.phone(phone).unwrap();
         let biases = *epochs.inter_system_biases();
         for simulated in epochs {
             let prepared = corrector.prepare(&simulated.epoch);
-            let corrected =
-                corrector.finish(&prepared, simulated.truth.position, simulated.epoch.time_gps);
+            let corrected = corrector.finish(&prepared, simulated.truth.position, simulated.epoch.time_gps);
             for observation in corrected {
                 let (code_m, rate_mps) =
                     residuals(&observation, &simulated, biases.of(observation.clock_group()));
