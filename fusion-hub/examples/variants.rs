@@ -1,0 +1,111 @@
+//! What each part is worth: runs sessions through variants of the estimator, without Zenoh, and prints the horizontal
+//! 50th and 95th percentiles, mean over the phones.
+//!
+//!     cargo run --release -p cofix-hub --example variants -- tests/sessions/*.toml
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context;
+use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
+use cofix_agent::source;
+use cofix_common::accuracy::Accuracy;
+use cofix_common::constraint::{ConstraintOptions, DistanceModel, Enlargement, Method};
+use cofix_common::orbit::Products;
+use cofix_common::wire::EpochMessage;
+use cofix_hub::align::{AlignOptions, Aligner};
+use cofix_hub::engine::{Engine, EngineOptions};
+use cofix_hub::replay::{Plan, read_truths};
+use cofix_hub::scores::{ByPhone, Methods, Scores};
+use cofix_hub::session::Session;
+
+/// A way to run a session.
+struct Variant {
+    name: &'static str,
+    pipeline: PipelineOptions,
+    engine: EngineOptions,
+    constrained: bool,
+}
+
+fn variants() -> Vec<Variant> {
+    let ours = |name, constraints| Variant {
+        name,
+        pipeline: PipelineOptions::default(),
+        engine: EngineOptions { constraints, ..EngineOptions::default() },
+        constrained: true,
+    };
+    let default = ConstraintOptions::default();
+    let sequential = Method::Sequential { max_sweeps: 5 };
+    let peng = Enlargement::Peng { confidence: 0.1, factor: 1.5, max_iterations: 50 };
+    vec![
+        ours("default", default),
+        Variant { constrained: false, ..ours("no constraints", default) },
+        ours("one by one instead of EP", ConstraintOptions { method: sequential, ..default }),
+        ours("only when violated", ConstraintOptions { act_when_inside: false, ..default }),
+        ours(
+            "distance on its line only",
+            ConstraintOptions { distance_model: DistanceModel::Radial, ..default },
+        ),
+        ours("intervals enlarged (Alg. 1)", ConstraintOptions { enlargement: peng, ..default }),
+        ours("constraints of Peng 2023", ConstraintOptions::peng2023()),
+        Variant {
+            name: "all of Peng 2023",
+            pipeline: PipelineOptions::peng2023(),
+            engine: EngineOptions::peng2023(),
+            constrained: true,
+        },
+    ]
+}
+
+fn main() -> anyhow::Result<()> {
+    let paths: Vec<String> = std::env::args().skip(1).collect();
+    anyhow::ensure!(!paths.is_empty(), "name at least one SESSION.toml");
+    println!("| session | variant | wls p50/p95 m | local | joint |");
+    println!("|:--------|:--------|:--------------|:------|:------|");
+    for path in paths {
+        let session = Session::read(Path::new(&path))?;
+        let plan = Plan::from_session(&session)?;
+        let (products, _) = source::products(&plan.products)?;
+        for variant in variants() {
+            let methods = run(&session, &plan, &products, &variant)?;
+            let cells = [&methods.wls, &methods.local, &methods.joint].map(mean);
+            println!("| {} | {} | {} |", session.group, variant.name, cells.join(" | "));
+        }
+    }
+    Ok(())
+}
+
+fn run(
+    session: &Session,
+    plan: &Plan,
+    products: &Arc<Products>,
+    variant: &Variant,
+) -> anyhow::Result<Methods> {
+    let mut aligner = Aligner::new(plan.phones.len(), AlignOptions::default());
+    for (index, phone) in plan.phones.iter().enumerate() {
+        let observations = source::observations(&phone.source).context("observations")?;
+        let mut pipeline = PhonePipeline::new(&phone.name, Arc::clone(products), variant.pipeline.clone());
+        for epoch in observations.epochs.iter() {
+            let message: EpochMessage = pipeline.process(epoch);
+            aligner.push(index, message, Duration::ZERO);
+        }
+        aligner.finish(index);
+    }
+    let constraints = if variant.constrained { plan.constraints.clone() } else { Vec::new() };
+    let mut engine = Engine::new(&session.phone_names(), constraints, variant.engine.clone());
+    let mut scores = Scores::new(read_truths(&session.phones)?, plan.truth_quality.clone());
+    while let Some(bucket) = aligner.pop_ready() {
+        scores.push(&engine.step(bucket));
+    }
+    Ok(scores.methods())
+}
+
+/// Mean p50/p95 over the phones that are scored.
+fn mean(phones: &ByPhone) -> String {
+    let scored: Vec<&Accuracy> = phones.values().flatten().collect();
+    let mean = |value: fn(&Accuracy) -> f64| {
+        scored.iter().map(|accuracy| value(accuracy)).sum::<f64>() / scored.len() as f64
+    };
+    format!("{:.2} / {:.2}", mean(|a| a.horizontal_p50_m), mean(|a| a.horizontal_p95_m))
+}
