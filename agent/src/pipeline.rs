@@ -127,19 +127,31 @@ impl PhonePipeline {
         wls: Option<&PointSolution>,
     ) {
         self.filter.predict(time_gps);
-        let stale = self.filter.is_empty()
-            || self.filter.silence_s(0) > self.options.filter.maximum_gap_s
-            || !self.filter.is_sound();
-        if stale {
-            let Some(solution) = wls else {
-                if !self.filter.is_empty() {
-                    self.filter.remove(0);
-                }
-                return;
-            };
-            self.filter.insert(0, time_gps, &Start::at_solution(solution));
+        if let Some(reason) = self.restart_reason() {
+            if !self.filter.is_empty() {
+                self.skips.add("local filter restarted", || format!("{time_gps}: {reason}"));
+                self.filter.remove(0);
+            }
+            if let Some(solution) = wls {
+                self.filter.insert(0, time_gps, &Start::at_solution(solution));
+            }
         } else if !observations.is_empty() {
             self.filter.update(0, observations);
+        }
+    }
+
+    /// Why the local filter cannot go on, if it cannot.
+    fn restart_reason(&self) -> Option<&'static str> {
+        if self.filter.is_empty() {
+            Some("no state yet")
+        } else if self.filter.silence_s(0) > self.options.filter.maximum_gap_s {
+            Some("gap in the observations")
+        } else if self.filter.is_lost(0) {
+            Some("most pseudoranges contradict the prediction")
+        } else if !self.filter.is_sound() {
+            Some("state not finite or variance not positive")
+        } else {
+            None
         }
     }
 }

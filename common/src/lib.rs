@@ -8,6 +8,7 @@ pub mod accuracy;
 pub mod atmosphere;
 pub mod constants;
 pub mod constraint;
+pub mod decode;
 pub mod filter;
 pub mod frames;
 pub mod gnss;

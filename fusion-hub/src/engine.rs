@@ -129,12 +129,24 @@ impl Engine {
             return;
         }
         self.filter.predict(message.time_gps);
-        if let Some(slot) = self.filter.slot(phone) {
-            if !message.observations.is_empty() {
+        let slot = self.filter.slot(phone);
+        let lost = slot.is_some_and(|slot| self.filter.is_lost(slot));
+        match (slot, &message.wls) {
+            (_, Some(solution)) if slot.is_none() || lost => {
+                if lost {
+                    self.skips.add("lost phone started anew in the filter", || {
+                        format!(
+                            "{} at {}: its pseudoranges contradict the prediction",
+                            message.phone, message.time_gps
+                        )
+                    });
+                }
+                self.filter.insert(phone, message.time_gps, &Start::at_solution(solution));
+            }
+            (Some(slot), _) if !message.observations.is_empty() => {
                 self.filter.update(slot, &message.observations);
             }
-        } else if let Some(solution) = &message.wls {
-            self.filter.insert(phone, message.time_gps, &Start::at_solution(solution));
+            _ => {}
         }
         if !self.filter.is_sound() {
             self.restart(message);

@@ -9,51 +9,22 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::options::{ConstraintOptions, DistanceModel, Method};
-use super::rows::{
-    BoundedRow, DistanceBounds, Motion, Rows, SparseRow, heading_rows, vertical_velocity_rows,
-};
-use super::truncation::{Enlargement, Gaussian, Truncation, moments_within, plausible, truncate};
-use super::{Constraint, ConstraintAction, ConstraintOutcome, SkipReason};
+use super::options::{ConstraintOptions, Method};
+use super::rows::{DistanceBounds, Motion, Rows, heading_rows};
+use super::sites::{CONVERGED, Former, Posterior};
+use super::task::{TOLERANCE, Task, rows_at};
+use super::truncation::{Enlargement, Gaussian, Interval, moments_within, plausible, truncate};
+use super::{Constraint, ConstraintAction, SkipReason};
 use crate::filter::STATES_PER_PHONE;
-use crate::frames::Ecef;
 
-/// Beyond this many standard deviations a bound takes nothing away (2e-9 of the probability).
-const IDLE_SIGMAS: f64 = 6.0;
-/// Excess below which a constraint counts as holding: 1 mm, 1 mm/s, 1 mrad.
-const TOLERANCE: f64 = 1e-3;
-/// A refresh that changes a row's mean by less than this many standard deviations, and its variance by less than
-/// this part, has converged.
-const CONVERGED: f64 = 1e-4;
+/// Sweeps in which rows are linearised anew. Later ones keep them: with fixed rows the sites settle.
+const LINEARISING_SWEEPS: u32 = 3;
 /// Widest tolerance that a course is enlarged to, rad (89°).
 const WIDEST_TOLERANCE_RAD: f64 = 1.553_343_034_274_953_4;
 
-/// What a row has contributed: exp(−½ precision y² + shift y), y = row·X.
-#[derive(Clone, Copy)]
-struct Site {
-    row: SparseRow,
-    precision: f64,
-    shift: f64,
-}
-
-/// One constraint's work within a call.
-struct Task {
-    constraint: Constraint,
-    before: f64,
-    rows: Option<Rows>,
-    sites: [Option<Site>; 3],
-    enlargements: u32,
-    acted: bool,
-    idle: bool,
-    skipped: Option<SkipReason>,
-}
-
 struct Engine<'a> {
-    state: &'a mut DVector<f64>,
-    covariance: &'a mut DMatrix<f64>,
+    posterior: Posterior<'a>,
     options: &'a ConstraintOptions,
-    /// Pc of the row at hand.
-    gain: DVector<f64>,
 }
 
 /// Applies constraints to a joint Gaussian state, in place, and tells what those did that acted, were violated or could
@@ -73,114 +44,25 @@ pub fn constrain(
     if tasks.iter().all(|task| task.idle) {
         return Vec::new();
     }
-    let prior = state.clone();
-    let gain = DVector::zeros(state.len());
-    let mut engine = Engine { state, covariance, options, gain };
-    let max_sweeps = match options.method {
-        Method::Sequential { max_sweeps } | Method::ExpectationPropagation { max_sweeps, .. } => max_sweeps,
+    let (max_sweeps, damping) = match options.method {
+        Method::Sequential { max_sweeps } => (max_sweeps, 0.0),
+        Method::ExpectationPropagation { max_sweeps, damping } => (max_sweeps, damping),
     };
+    let mut engine = Engine { posterior: Posterior::new(state, covariance, damping), options };
     for sweep in 0..max_sweeps.max(1) {
         let mut largest_change = 0.0f64;
         for task in &mut tasks {
             if engine.is_due(task, sweep) {
-                largest_change = largest_change.max(engine.refresh(task));
+                largest_change = largest_change.max(engine.refresh(task, sweep));
             }
         }
         if largest_change < CONVERGED {
             break;
         }
     }
-    tasks.iter().filter_map(|task| task.report(&prior, engine.state, options)).collect()
-}
-
-impl Task {
-    fn new(
-        constraint: Constraint,
-        state: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        options: &ConstraintOptions,
-    ) -> Self {
-        let mut task = Self {
-            constraint,
-            before: f64::NAN,
-            rows: None,
-            sites: [None; 3],
-            enlargements: 0,
-            acted: false,
-            idle: true,
-            skipped: None,
-        };
-        match task.examine(state, covariance, options) {
-            Ok(idle) => task.idle = idle,
-            Err(reason) => (task.skipped, task.idle) = (Some(reason), false),
-        }
-        task
-    }
-
-    /// Whether the constraint has nothing to do at the prior, for good.
-    fn examine(
-        &mut self,
-        state: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        options: &ConstraintOptions,
-    ) -> Result<bool, SkipReason> {
-        let [first, second] = self.constraint.phones();
-        let known = |phone: usize| phone < state.len() / STATES_PER_PHONE;
-        let is_pair = matches!(self.constraint, Constraint::Distance { .. });
-        if covariance.shape() != (state.len(), state.len())
-            || !known(first)
-            || !known(second)
-            || (is_pair && first == second)
-        {
-            return Err(SkipReason::UnknownPhone);
-        }
-        if !self.constraint.has_valid_bounds() {
-            return Err(SkipReason::InvalidBounds);
-        }
-        if let Constraint::Heading { phone, .. } = self.constraint {
-            let motion = Motion::of(state, phone, options.horizon_s).ok_or(SkipReason::NotFinite)?;
-            if !has_heading(&motion, covariance, options)? {
-                return Ok(true);
-            }
-        }
-        self.before = self.constraint.value(state, options.horizon_s).ok_or(SkipReason::NotFinite)?;
-        let rows = rows_at(&self.constraint, state, covariance, options)?;
-        self.rows = Some(rows);
-        if !self.constraint.holds(self.before) {
-            return Ok(false);
-        }
-        let idle = |bounded: &BoundedRow| is_idle(bounded, state, covariance);
-        // An idle constraint may still be violated when another one has moved its phones: it is looked at again.
-        Ok(!options.act_when_inside || rows.iter().flatten().all(idle))
-    }
-
-    fn report(
-        &self,
-        prior: &DVector<f64>,
-        state: &DVector<f64>,
-        options: &ConstraintOptions,
-    ) -> Option<ConstraintAction> {
-        let after = self.constraint.value(state, options.horizon_s).unwrap_or(f64::NAN);
-        let outcome = match self.skipped {
-            Some(reason) => ConstraintOutcome::Skipped(reason),
-            None if !self.acted => return None,
-            None if self.constraint.excess(after) <= TOLERANCE => ConstraintOutcome::Holds,
-            None => ConstraintOutcome::Violated,
-        };
-        let shift = |phone: usize| {
-            let moved = super::rows::position(prior, phone).zip(super::rows::position(state, phone));
-            moved.map_or(0.0, |(from, to): (Ecef, Ecef)| from.distance_m(to))
-        };
-        let [first, second] = self.constraint.phones();
-        Some(ConstraintAction {
-            constraint: self.constraint,
-            before: self.before,
-            after,
-            shift_m: shift(first).max(shift(second)),
-            enlargements: self.enlargements,
-            outcome,
-        })
-    }
+    let mut posterior = engine.posterior;
+    posterior.rebuild(tasks.iter().flat_map(|task| task.sites.iter().flatten()));
+    tasks.iter().filter_map(|task| task.report(&posterior.prior.0, posterior.state, options)).collect()
 }
 
 impl Engine<'_> {
@@ -199,66 +81,67 @@ impl Engine<'_> {
 
     fn is_violated(&self, constraint: &Constraint) -> bool {
         constraint
-            .value(self.state, self.options.horizon_s)
+            .value(self.posterior.state, self.options.horizon_s)
             .is_some_and(|value| constraint.excess(value) > TOLERANCE)
     }
 
     /// Applies a constraint, again if need be, and returns by how much it changed its rows.
-    fn refresh(&mut self, task: &mut Task) -> f64 {
-        match self.try_refresh(task) {
+    fn refresh(&mut self, task: &mut Task, sweep: u32) -> f64 {
+        match self.try_refresh(task, sweep) {
             Ok(change) => change,
             Err(reason) => {
-                for slot in &mut task.sites {
-                    if let Some(site) = slot.take() {
-                        self.remove(&site);
-                    }
-                }
+                self.remove_all(task);
                 task.skipped = Some(reason);
                 0.0
             }
         }
     }
 
-    fn try_refresh(&mut self, task: &mut Task) -> Result<f64, SkipReason> {
-        let mut rows = self.refreshed_rows(task)?;
-        // Whether a row acts is asked of the bounds as given; how it acts, of the enlarged ones.
-        let given = rows;
-        let mut policy = self.options.enlargement;
-        if let Constraint::Heading { phone, course_rad, tolerance_rad } = task.constraint {
-            // A course's half-planes have no width of their own: the tolerance is enlarged for all of them first.
-            let motion =
-                Motion::of(self.state, phone, self.options.horizon_s).ok_or(SkipReason::NotFinite)?;
-            let (widened, times) = self.enlarged_heading(&motion, course_rad, tolerance_rad)?;
-            (rows, policy) = (widened, Enlargement::Fixed);
-            task.enlargements = times;
+    fn try_refresh(&mut self, task: &mut Task, sweep: u32) -> Result<f64, SkipReason> {
+        let earlier = task.sites;
+        let turned = self.turned_rows(task, sweep)?;
+        let Some(given) = turned.or(task.rows) else { return Ok(0.0) };
+        let (mut rows, mut policy) = (given, self.options.enlargement);
+        if let Constraint::Heading { phone, course_rad, tolerance_rad } = task.constraint
+            && policy != Enlargement::Fixed
+        {
+            // A course's half-planes have no width of their own: the tolerance is enlarged for all of them, before the
+            // first, on the state without this constraint.
+            self.remove_all(task);
+            let motion = Motion::of(self.posterior.state, phone, self.options.horizon_s)
+                .ok_or(SkipReason::NotFinite)?;
+            (rows, task.enlargements) = self.enlarged_heading(&motion, course_rad, tolerance_rad)?;
+            policy = Enlargement::Fixed;
         }
         if self.skips_ahead_row(task) {
             rows[0] = None;
         }
         let mut change = 0.0f64;
         for index in 0..rows.len() {
-            let former = task.sites[index].take();
-            if let Some(site) = &former {
-                self.remove(site);
+            if turned.is_some() && !self.posterior.take_out(&mut task.sites[index]) {
+                continue;
             }
-            if index == 0
-                && let Constraint::Distance { phones, minimum_m, maximum_m } = task.constraint
+            if let Constraint::Distance { phones, minimum_m, maximum_m } = task.constraint
+                && (index, turned.is_some()) == (0, true)
             {
                 self.settle(&mut rows, DistanceBounds { phones, minimum_m, maximum_m });
             }
+            // Whether a row acts is asked of the bounds as given; how it acts, of the enlarged ones.
             let Some((bounded, given)) = rows[index].zip(given[index]) else { continue };
-            let inside = given.interval.contains(given.row.times(self.state));
-            if inside && !self.options.act_when_inside && former.is_none() {
+            let inside = given.interval.contains(given.row.times(self.posterior.state));
+            if inside && !self.options.act_when_inside && task.sites[index].is_none() {
                 continue;
             }
-            let (site, enlargements, moved) = self.apply(&bounded, policy, former.as_ref())?;
-            task.enlargements = task.enlargements.max(enlargements);
-            task.sites[index] = Some(site);
+            let sites = Former { in_state: task.sites[index], earlier: earlier[index] };
+            let applied = self.posterior.apply(&bounded, policy, sites)?;
+            task.enlargements = task.enlargements.max(applied.enlargements);
+            task.sites[index] = Some(applied.site);
             task.acted = true;
-            change = change.max(moved);
+            change = change.max(applied.change);
         }
-        let is_heading = matches!(task.constraint, Constraint::Heading { .. });
-        task.rows = Some(if is_heading { given } else { rows });
+        if turned.is_some() {
+            task.rows = Some(rows);
+        }
         Ok(change)
     }
 
@@ -268,42 +151,46 @@ impl Engine<'_> {
             && matches!(self.options.method, Method::ExpectationPropagation { .. })
     }
 
-    /// The rows of a constraint, linearised about the present state where that matters.
-    fn refreshed_rows(&self, task: &Task) -> Result<Rows, SkipReason> {
-        let has_minimum =
-            matches!(task.constraint, Constraint::Distance { minimum_m, .. } if minimum_m > 0.0);
-        match task.rows {
-            Some(rows) if !has_minimum && !self.is_violated(&task.constraint) => Ok(rows),
-            _ => rows_at(&task.constraint, self.state, self.covariance, self.options),
+    /// The rows of a distance linearised about the present state, when they should be: while it is out of bounds or has a
+    /// minimum. `None` keeps those it has; all other constraints are linear.
+    fn turned_rows(&self, task: &Task, sweep: u32) -> Result<Option<Rows>, SkipReason> {
+        match task.constraint {
+            Constraint::Distance { minimum_m, .. }
+                if sweep < LINEARISING_SWEEPS && (minimum_m > 0.0 || self.is_violated(&task.constraint)) =>
+            {
+                rows_at(&task.constraint, self.posterior.state, self.posterior.covariance, self.options)
+                    .map(Some)
+            }
+            _ => Ok(None),
         }
     }
 
     /// Turns a distance's rows until the truncation of the state as it stands (the cavity) keeps the distance
     /// in bounds or no longer changes it.
     fn settle(&mut self, rows: &mut Rows, bounds: DistanceBounds) {
-        let constraint = Constraint::Distance {
-            phones: bounds.phones,
-            minimum_m: bounds.minimum_m,
-            maximum_m: bounds.maximum_m,
-        };
         let mut last_m = f64::INFINITY;
         for _ in 0..self.options.max_relinearisations {
-            let Some((bounded, difference)) = rows[0].zip(bounds.difference(self.state)) else { return };
-            let Ok(law) = self.project(&bounded.row) else { return };
+            let Some((bounded, difference)) = rows[0].zip(bounds.difference(self.posterior.state)) else {
+                return;
+            };
+            let Ok(law) = self.posterior.project(&bounded.row) else { return };
             let Some(truncation) = truncate(law, bounded.interval, self.options.enlargement) else { return };
             let step = (truncation.moments.mean - law.mean) / law.variance;
             let (i, j) = (STATES_PER_PHONE * bounds.phones.0, STATES_PER_PHONE * bounds.phones.1);
-            let relative_gain = self.gain.fixed_rows::<3>(i) - self.gain.fixed_rows::<3>(j);
+            let relative_gain =
+                self.posterior.gain.fixed_rows::<3>(i) - self.posterior.gain.fixed_rows::<3>(j);
             let moved = difference + step * relative_gain;
             let distance_m = moved.norm();
-            if constraint.excess(distance_m) <= TOLERANCE
+            let Interval { lower, upper } = bounded.interval;
+            if (distance_m >= lower - TOLERANCE && distance_m <= upper + TOLERANCE)
                 || (distance_m - last_m).abs() <= TOLERANCE
                 || DistanceBounds::is_without_direction(&moved)
             {
                 return;
             }
             last_m = distance_m;
-            *rows = bounds.rows(&(moved / distance_m), self.options.distance_model);
+            let direction = moved / distance_m;
+            *rows = bounds.rows(&direction, self.posterior.covariance, self.options.distance_model);
         }
     }
 
@@ -323,8 +210,8 @@ impl Engine<'_> {
             let mut all_plausible = true;
             for bounded in rows.iter().skip(1).flatten() {
                 let law = Gaussian {
-                    mean: bounded.row.times(self.state),
-                    variance: bounded.row.variance(self.covariance),
+                    mean: bounded.row.times(self.posterior.state),
+                    variance: bounded.row.variance(self.posterior.covariance),
                 };
                 let moments = moments_within(law, bounded.interval).ok_or(SkipReason::NoVariance)?;
                 all_plausible &= plausible(moments, bounded.interval, confidence);
@@ -339,133 +226,10 @@ impl Engine<'_> {
         Ok((rows, times))
     }
 
-    /// Truncates the state as it stands by one row. Returns the site, enlargements and the change against the site before.
-    fn apply(
-        &mut self,
-        bounded: &BoundedRow,
-        policy: Enlargement,
-        former: Option<&Site>,
-    ) -> Result<(Site, u32, f64), SkipReason> {
-        let cavity = self.project(&bounded.row)?;
-        let Truncation { moments, enlargements } =
-            truncate(cavity, bounded.interval, policy).ok_or(SkipReason::NotFinite)?;
-        let mut site = Site {
-            row: bounded.row,
-            precision: (1.0 / moments.variance - 1.0 / cavity.variance).max(0.0),
-            shift: moments.mean / moments.variance - cavity.mean / cavity.variance,
-        };
-        let former = former.filter(|former| former.row == bounded.row);
-        if let (Some(former), Method::ExpectationPropagation { damping, .. }) = (former, self.options.method)
-        {
-            let keep = damping.clamp(0.0, 0.99);
-            site.precision += keep * (former.precision - site.precision);
-            site.shift += keep * (former.shift - site.shift);
-        }
-        let updated = with_site(cavity, site.precision, site.shift);
-        let before = former.map_or(cavity, |former| with_site(cavity, former.precision, former.shift));
-        self.update(cavity, updated)?;
-        let change = (updated.mean - before.mean).abs() / before.variance.sqrt();
-        Ok((site, enlargements, change.max((updated.variance / before.variance).ln().abs())))
-    }
-
-    /// Takes a site out of the state.
-    fn remove(&mut self, site: &Site) {
-        if let Ok(law) = self.project(&site.row) {
-            let cavity = with_site(law, -site.precision, -site.shift);
-            // A cavity that is no law (rounding, next to an equality) leaves the state as it is.
-            if cavity.variance > 0.0 {
-                let _ = self.update(law, cavity);
-            }
+    /// Takes all of a constraint's sites out.
+    fn remove_all(&mut self, task: &mut Task) {
+        for slot in &mut task.sites {
+            self.posterior.take_out(slot);
         }
     }
-
-    /// The law of row·X, with Pc left in `gain`.
-    fn project(&mut self, row: &SparseRow) -> Result<Gaussian, SkipReason> {
-        if !row.fits(self.state.len()) {
-            return Err(SkipReason::UnknownPhone);
-        }
-        row.covariance_times(self.covariance, &mut self.gain);
-        let law = Gaussian { mean: row.times(self.state), variance: row.times(&self.gain) };
-        if !(law.mean.is_finite() && self.gain.iter().all(|element| element.is_finite())) {
-            Err(SkipReason::NotFinite)
-        } else if law.variance > 0.0 {
-            Ok(law)
-        } else {
-            Err(SkipReason::NoVariance)
-        }
-    }
-
-    /// Gives the projected row other moments: a rank-one update along `gain`.
-    fn update(&mut self, from: Gaussian, to: Gaussian) -> Result<(), SkipReason> {
-        let step = (to.mean - from.mean) / from.variance;
-        // Dividing twice keeps the square of a small variance from underflowing.
-        let factor = (to.variance - from.variance) / from.variance / from.variance;
-        if !(step.is_finite() && factor.is_finite()) {
-            return Err(SkipReason::NotFinite);
-        }
-        self.state.axpy(step, &self.gain, 1.0);
-        // Products of the same two factors on both sides of the diagonal: exactly symmetric.
-        let root = factor.abs().sqrt();
-        self.gain *= root;
-        let sign = factor.signum();
-        for (column, element) in self.gain.iter().enumerate() {
-            self.covariance.column_mut(column).axpy(sign * element, &self.gain, 1.0);
-        }
-        Ok(())
-    }
-}
-
-/// A law times exp(−½ precision y² + shift y).
-fn with_site(law: Gaussian, precision: f64, shift: f64) -> Gaussian {
-    let denominator = 1.0 + precision * law.variance;
-    Gaussian { mean: (law.mean + shift * law.variance) / denominator, variance: law.variance / denominator }
-}
-
-/// The rows of a constraint at a state; none when it has nothing to say there.
-fn rows_at(
-    constraint: &Constraint,
-    state: &DVector<f64>,
-    covariance: &DMatrix<f64>,
-    options: &ConstraintOptions,
-) -> Result<Rows, SkipReason> {
-    let motion = |phone| Motion::of(state, phone, options.horizon_s).ok_or(SkipReason::NotFinite);
-    match *constraint {
-        Constraint::VerticalVelocity { phone, maximum_mps } => {
-            Ok(vertical_velocity_rows(&motion(phone)?, maximum_mps))
-        }
-        Constraint::Heading { phone, course_rad, tolerance_rad } => {
-            Ok(heading_rows(&motion(phone)?, course_rad, tolerance_rad))
-        }
-        Constraint::Distance { phones, minimum_m, maximum_m } => {
-            let bounds = DistanceBounds { phones, minimum_m, maximum_m };
-            let difference = bounds.difference(state).ok_or(SkipReason::NotFinite)?;
-            let is_upper_only = minimum_m <= 0.0 && options.distance_model == DistanceModel::Radial;
-            if is_upper_only && DistanceBounds::is_without_direction(&difference) {
-                return Ok([None; 3]);
-            }
-            Ok(bounds.rows(&bounds.direction(&difference, covariance), options.distance_model))
-        }
-    }
-}
-
-/// Whether a phone is fast enough for its course to mean something.
-fn has_heading(
-    motion: &Motion,
-    covariance: &DMatrix<f64>,
-    options: &ConstraintOptions,
-) -> Result<bool, SkipReason> {
-    let speed_mps = motion.velocity().horizontal();
-    let sigma_mps = motion.horizontal_sigma_mps(covariance);
-    let gate = options.heading_gate;
-    if !sigma_mps.is_finite() {
-        return Err(SkipReason::NotFinite);
-    }
-    Ok(speed_mps >= gate.minimum_speed_mps && speed_mps > gate.minimum_sigmas * sigma_mps)
-}
-
-/// Whether a row's interval takes nothing noticeable from its law.
-fn is_idle(bounded: &BoundedRow, state: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
-    let margin = IDLE_SIGMAS * bounded.row.variance(covariance).max(0.0).sqrt();
-    let mean = bounded.row.times(state);
-    mean - margin >= bounded.interval.lower && mean + margin <= bounded.interval.upper
 }

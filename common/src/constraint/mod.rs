@@ -24,6 +24,8 @@
 pub mod engine;
 pub mod options;
 pub mod rows;
+mod sites;
+mod task;
 pub mod truncation;
 
 use nalgebra::DVector;
@@ -85,7 +87,8 @@ pub struct ConstraintAction {
 pub enum ConstraintOutcome {
     /// The mean is inside the bounds, to a millimetre, millimetre per second or milliradian.
     Holds,
-    /// The mean is still outside: the interval was enlarged, or constraints contradict each other or the state.
+    /// The mean is still outside: the interval was enlarged, constraints contradict each other, or the phones' minimum
+    /// distance is explained by what is unknown across (see [`DistanceModel::Box`]).
     Violated,
     /// It was not applied and changed nothing.
     Skipped(SkipReason),

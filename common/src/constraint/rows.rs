@@ -196,34 +196,54 @@ impl DistanceBounds {
     }
 
     /// Rows when the distance is linearised along `direction`, a unit vector (Jacobian [uᵀ, −uᵀ]).
-    pub fn rows(&self, direction: &Vector3<f64>, model: DistanceModel) -> Rows {
+    pub fn rows(&self, direction: &Vector3<f64>, covariance: &DMatrix<f64>, model: DistanceModel) -> Rows {
+        let (first, second) = (STATES_PER_PHONE * self.phones.0, STATES_PER_PHONE * self.phones.1);
         let bounded = |axis: &Vector3<f64>, lower: f64| {
-            let (first, second) = (STATES_PER_PHONE * self.phones.0, STATES_PER_PHONE * self.phones.1);
             let row = SparseRow::of_two((first, axis), (second, &-axis));
             Some(BoundedRow { row, interval: Interval { lower, upper: self.maximum_m } })
         };
-        match model {
-            DistanceModel::Radial => [bounded(direction, self.minimum_m), None, None],
-            DistanceModel::Box => {
-                let lower = if self.minimum_m > 0.0 { self.minimum_m } else { -self.maximum_m };
-                if self.maximum_m.is_infinite() {
-                    return [bounded(direction, lower), None, None];
-                }
-                let (across, other) = axes_across(direction);
-                [
-                    bounded(direction, lower),
-                    bounded(&across, -self.maximum_m),
-                    bounded(&other, -self.maximum_m),
-                ]
-            }
+        if model == DistanceModel::Radial {
+            return [bounded(direction, self.minimum_m), None, None];
         }
+        let along_m = self.minimum_along_m(direction, covariance);
+        let lower_m = if along_m > 0.0 { along_m } else { -self.maximum_m };
+        if self.maximum_m.is_infinite() {
+            return [bounded(direction, lower_m), None, None];
+        }
+        let (across, other) = axes_across(direction);
+        [bounded(direction, lower_m), bounded(&across, -self.maximum_m), bounded(&other, -self.maximum_m)]
+    }
+
+    /// What remains of the lower bound for the component along a direction, given what the uncertain part across
+    /// contributes to the distance: d² = along² + across².
+    fn minimum_along_m(&self, direction: &Vector3<f64>, covariance: &DMatrix<f64>) -> f64 {
+        if self.minimum_m <= 0.0 {
+            return 0.0;
+        }
+        let relative = self.relative_covariance(covariance);
+        let across_m2 = (relative.trace() - direction.dot(&(relative * direction))).max(0.0);
+        (self.minimum_m * self.minimum_m - across_m2).max(0.0).sqrt()
+    }
+
+    fn relative_covariance(&self, covariance: &DMatrix<f64>) -> Matrix3<f64> {
+        let (i, j) = (STATES_PER_PHONE * self.phones.0, STATES_PER_PHONE * self.phones.1);
+        let block = |row: usize, column: usize| covariance.fixed_view::<3, 3>(row, column).into_owned();
+        block(i, i) + block(j, j) - block(i, j) - block(j, i)
     }
 
     /// The direction to linearise in: along the difference, or, when that is none, where the relative position is
     /// least known.
-    pub fn direction(&self, difference: &Vector3<f64>, covariance: &DMatrix<f64>) -> Vector3<f64> {
+    ///
+    /// `None` when the state does not hold the phones.
+    pub fn direction(&self, state: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Vector3<f64>> {
+        let place = position(state, self.phones.0)?;
+        let difference = self.difference(state)?;
         let length = difference.norm();
-        if length > NO_DIRECTION_M { difference / length } else { self.least_known_direction(covariance) }
+        Some(if length > NO_DIRECTION_M {
+            difference / length
+        } else {
+            self.least_known_direction(place, covariance)
+        })
     }
 
     /// Whether the phones are in one place, where a distance has no direction.
@@ -231,17 +251,16 @@ impl DistanceBounds {
         difference.norm() <= NO_DIRECTION_M
     }
 
-    fn least_known_direction(&self, covariance: &DMatrix<f64>) -> Vector3<f64> {
-        let (i, j) = (STATES_PER_PHONE * self.phones.0, STATES_PER_PHONE * self.phones.1);
-        let block = |row: usize, column: usize| covariance.fixed_view::<3, 3>(row, column).into_owned();
-        let relative: Matrix3<f64> = block(i, i) + block(j, j) - block(i, j) - block(j, i);
+    fn least_known_direction(&self, place: Ecef, covariance: &DMatrix<f64>) -> Vector3<f64> {
+        let relative = self.relative_covariance(covariance);
         if !relative.iter().all(|element| element.is_finite()) {
             return Vector3::x();
         }
         let eigen = SymmetricEigen::new(relative);
         let axis = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
-        // The sign is free; fix it, for the same input must give the same result everywhere.
-        if axis[axis.iamax()] < 0.0 { -axis } else { axis }
+        // The sign is free; fix it by the local axes, for the same input must give the same result everywhere.
+        let local = LocalFrame::at(place).rotation_ecef_to_enu() * axis;
+        if local[local.iamax()] < 0.0 { -axis } else { axis }
     }
 }
 

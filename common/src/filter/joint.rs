@@ -18,6 +18,8 @@ const NEW_ACCELERATION_SIGMA_MPS2: f64 = 1.5;
 /// The same with a velocity from Doppler, m/s.
 const DOPPLER_VELOCITY_SIGMA_MPS: f64 = 1.0;
 
+/// A phone is lost after this many updates in a row that rejected most of their pseudoranges.
+const LOST_AFTER: u32 = 5;
 /// Factor on the variance of the epoch-wise position that a phone starts from.
 const START_INFLATION: f64 = 4.0;
 
@@ -40,6 +42,8 @@ struct Slot {
     up: Vector3<f64>,
     up_at: Ecef,
     measured: GpsTime,
+    /// Consecutive updates that rejected most of their pseudoranges.
+    rejecting: u32,
 }
 
 /// What a new phone starts from.
@@ -127,7 +131,7 @@ impl JointFilter {
             self.covariance[(n + 6 + axis, n + 6 + axis)] = NEW_ACCELERATION_SIGMA_MPS2.powi(2);
         }
         let up = LocalFrame::at(start.position).up();
-        self.slots.push(Slot { phone, up, up_at: start.position, measured: time_gps });
+        self.slots.push(Slot { phone, up, up_at: start.position, measured: time_gps, rejecting: 0 });
     }
 
     /// Takes a phone out; the others keep their joint law (marginalisation).
@@ -185,8 +189,17 @@ impl JointFilter {
         Ecef::new(self.mean[at], self.mean[at + 1], self.mean[at + 2])
     }
 
-    pub(super) fn mark_measured(&mut self, slot: usize) {
-        self.slots[slot].measured = self.time_gps;
+    /// Notes an update that kept `kept` of `offered` pseudoranges.
+    pub(super) fn mark_measured(&mut self, slot: usize, kept: usize, offered: usize) {
+        let slot = &mut self.slots[slot];
+        slot.measured = self.time_gps;
+        slot.rejecting = if 2 * kept < offered { slot.rejecting + 1 } else { 0 };
+    }
+
+    /// Whether a phone's prediction has contradicted most of its pseudoranges for so many epochs running that the
+    /// prediction is what is wrong: it should start anew.
+    pub fn is_lost(&self, slot: usize) -> bool {
+        self.slots.get(slot).is_some_and(|slot| slot.rejecting >= LOST_AFTER)
     }
 
     /// A phone's part of the state.

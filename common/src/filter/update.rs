@@ -62,7 +62,7 @@ impl JointFilter {
             .collect();
         self.weight(slot * STATES_PER_PHONE + VELOCITY, &mut rows, 1);
         report.rate_nis = self.apply(slot * STATES_PER_PHONE + VELOCITY, &Eliminated::new(&rows, 1));
-        self.mark_measured(slot);
+        self.mark_measured(slot, report.code_used, observations.len());
         report
     }
 
@@ -273,6 +273,21 @@ mod tests {
         let report = filter.update(0, &observations);
         assert_eq!(report.code_factors[3], 0.0);
         assert_eq!(report.code_used, OPEN_SKY_DEG.len() - 1);
+    }
+
+    #[test]
+    fn a_wrong_start_is_noticed() {
+        let (receiver, mut filter) = dependent_pair(FilterOptions::default());
+        let time = filter.time_gps();
+        filter.insert(1, time, &start(&receiver, 2_000.0));
+        for second in 1..=5 {
+            assert!(!filter.is_lost(1));
+            filter.predict(time + f64::from(second));
+            filter.update(0, &receiver.observe(&OPEN_SKY_DEG));
+            filter.update(1, &receiver.observe(&OPEN_SKY_DEG));
+        }
+        assert!(filter.is_lost(1));
+        assert!(!filter.is_lost(0));
     }
 
     #[test]

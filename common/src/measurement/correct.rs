@@ -90,14 +90,6 @@ impl Corrector {
                 });
                 continue;
             }
-            let Some(frequency_hz) =
-                observation.signal.frequency_hz(observation.satellite.constellation, None)
-            else {
-                self.skips.add("no carrier frequency", || {
-                    format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
-                });
-                continue;
-            };
             let state = match last {
                 Some(known) if known.serves(observation, pseudorange_m) => known,
                 _ => match self.state(observation, epoch.time_gps, pseudorange_m) {
@@ -106,6 +98,14 @@ impl Corrector {
                 },
             };
             last = Some(state);
+            let Some(frequency_hz) =
+                observation.signal.frequency_hz(observation.satellite.constellation, None)
+            else {
+                self.skips.add("no carrier frequency", || {
+                    format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
+                });
+                continue;
+            };
             prepared.push(self.combine(observation, frequency_hz, pseudorange_m, &state));
         }
         prepared

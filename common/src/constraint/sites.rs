@@ -1,0 +1,177 @@
+//! Sites: what each row has contributed to a state, put in, exchanged and taken out.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::SkipReason;
+use super::rows::{BoundedRow, SparseRow};
+use super::truncation::{Enlargement, Gaussian, Truncation, truncate};
+
+/// A refresh that changes a row's mean by less than this many standard deviations, and its variance by less than
+/// this part, has converged.
+pub(super) const CONVERGED: f64 = 1e-3;
+/// Smallest part of a row's prior variance that one constraint leaves (1 % of the standard deviation). Taking a site out
+/// of the state again loses digits with the square of this ratio; the mean is not affected.
+const LEAST_VARIANCE: f64 = 1e-4;
+
+/// What a row has contributed: exp(−½ precision y² + shift y), y = row·X.
+#[derive(Clone, Copy)]
+pub(super) struct Site {
+    row: SparseRow,
+    precision: f64,
+    shift: f64,
+}
+
+/// The sites that a row had before it is applied.
+#[derive(Clone, Copy)]
+pub(super) struct Former {
+    /// The one that the state contains, on the same row.
+    pub(super) in_state: Option<Site>,
+    /// The one of the sweep before, for the change against it; it may have been taken out.
+    pub(super) earlier: Option<Site>,
+}
+
+/// What applying a row did.
+pub(super) struct Applied {
+    /// Its site.
+    pub(super) site: Site,
+    /// Enlargements of its interval.
+    pub(super) enlargements: u32,
+    /// Change of its law since the sweep before, in standard deviations or part of the variance.
+    pub(super) change: f64,
+}
+
+/// A Gaussian state that sites are put into.
+pub(super) struct Posterior<'a> {
+    pub(super) state: &'a mut DVector<f64>,
+    pub(super) covariance: &'a mut DMatrix<f64>,
+    /// Pc of the row that was projected last.
+    pub(super) gain: DVector<f64>,
+    /// State and covariance as they came.
+    pub(super) prior: (DVector<f64>, DMatrix<f64>),
+    /// Part of a former site that is kept.
+    damping: f64,
+    /// Whether a site was taken out of the covariance, which costs digits.
+    took_out: bool,
+}
+
+impl<'a> Posterior<'a> {
+    /// Without sites yet.
+    pub(super) fn new(state: &'a mut DVector<f64>, covariance: &'a mut DMatrix<f64>, damping: f64) -> Self {
+        let prior = (state.clone(), covariance.clone());
+        let gain = DVector::zeros(state.len());
+        Self { state, covariance, gain, prior, damping, took_out: false }
+    }
+
+    /// Truncates the state by one row, in place of the site that it has in the state.
+    pub(super) fn apply(
+        &mut self,
+        bounded: &BoundedRow,
+        policy: Enlargement,
+        sites: Former,
+    ) -> Result<Applied, SkipReason> {
+        let law = self.project(&bounded.row)?;
+        let former = sites.in_state.unwrap_or(Site { row: bounded.row, precision: 0.0, shift: 0.0 });
+        let cavity = with_site(law, -former.precision, -former.shift);
+        if !is_law(cavity) {
+            return Ok(Applied { site: former, enlargements: 0, change: 0.0 });
+        }
+        let Truncation { moments, enlargements } =
+            truncate(cavity, bounded.interval, policy).ok_or(SkipReason::NotFinite)?;
+        let cavity_precision = 1.0 / cavity.variance;
+        let most = 1.0 / (LEAST_VARIANCE * bounded.row.variance(&self.prior.1));
+        let precision = (1.0 / moments.variance - cavity_precision).max(0.0).min(most);
+        // Whatever the precision, the mean becomes that within the interval.
+        let shift = moments.mean * (precision + cavity_precision) - cavity.mean * cavity_precision;
+        let mut site = Site { row: bounded.row, precision, shift };
+        if former.precision > 0.0 {
+            let keep = self.damping.clamp(0.0, 0.99);
+            site.precision += keep * (former.precision - site.precision);
+            site.shift += keep * (former.shift - site.shift);
+        }
+        let updated = with_site(cavity, site.precision, site.shift);
+        let before = sites.earlier.map_or(law, |site| with_site(cavity, site.precision, site.shift));
+        let moved = (updated.mean - before.mean).abs() / before.variance.sqrt();
+        let change = moved.max((updated.variance / before.variance).ln().abs());
+        if change < CONVERGED && former.precision > 0.0 {
+            return Ok(Applied { site: former, enlargements, change });
+        }
+        self.update(law, updated)?;
+        Ok(Applied { site, enlargements, change })
+    }
+
+    /// Takes a site out of the state and its slot. When rounding next to an equality leaves no law without it, the site
+    /// stays in both and the answer is no.
+    pub(super) fn take_out(&mut self, slot: &mut Option<Site>) -> bool {
+        let Some(site) = *slot else { return true };
+        let Ok(law) = self.project(&site.row) else { return false };
+        let cavity = with_site(law, -site.precision, -site.shift);
+        let is_out = is_law(cavity) && self.update(law, cavity).is_ok();
+        if is_out {
+            *slot = None;
+            self.took_out = true;
+        }
+        is_out
+    }
+
+    /// The prior with all sites as they now are, each brought in once: what the state is, without the rounding of sites
+    /// that went in and out. Every step takes something away from the covariance, so it stays one.
+    pub(super) fn rebuild<'s>(&mut self, sites: impl Iterator<Item = &'s Site>) {
+        if !self.took_out {
+            return;
+        }
+        self.state.copy_from(&self.prior.0);
+        self.covariance.copy_from(&self.prior.1);
+        for site in sites {
+            if let Ok(law) = self.project(&site.row) {
+                // A step that is not finite is not taken; the state is then as if without this site.
+                let _ = self.update(law, with_site(law, site.precision, site.shift));
+            }
+        }
+    }
+
+    /// The law of row·X, with Pc left in `gain`.
+    pub(super) fn project(&mut self, row: &SparseRow) -> Result<Gaussian, SkipReason> {
+        if !row.fits(self.state.len()) {
+            return Err(SkipReason::UnknownPhone);
+        }
+        row.covariance_times(self.covariance, &mut self.gain);
+        let law = Gaussian { mean: row.times(self.state), variance: row.times(&self.gain) };
+        if !(law.mean.is_finite() && self.gain.iter().all(|element| element.is_finite())) {
+            Err(SkipReason::NotFinite)
+        } else if law.variance > 0.0 {
+            Ok(law)
+        } else {
+            Err(SkipReason::NoVariance)
+        }
+    }
+
+    /// Gives the projected row other moments: a rank-one update along `gain`.
+    fn update(&mut self, from: Gaussian, to: Gaussian) -> Result<(), SkipReason> {
+        let step = (to.mean - from.mean) / from.variance;
+        // Dividing twice keeps the square of a small variance from underflowing.
+        let factor = (to.variance - from.variance) / from.variance / from.variance;
+        if !(step.is_finite() && factor.is_finite()) {
+            return Err(SkipReason::NotFinite);
+        }
+        self.state.axpy(step, &self.gain, 1.0);
+        // Products of the same two factors on both sides of the diagonal: exactly symmetric.
+        let root = factor.abs().sqrt();
+        self.gain *= root;
+        let sign = factor.signum();
+        for (column, element) in self.gain.iter().enumerate() {
+            self.covariance.column_mut(column).axpy(sign * element, &self.gain, 1.0);
+        }
+        Ok(())
+    }
+}
+
+/// Whether mean and variance make a law.
+fn is_law(law: Gaussian) -> bool {
+    law.mean.is_finite() && law.variance > 0.0 && law.variance.is_finite()
+}
+
+/// A law times exp(−½ precision y² + shift y).
+fn with_site(law: Gaussian, precision: f64, shift: f64) -> Gaussian {
+    let denominator = 1.0 + precision * law.variance;
+    Gaussian { mean: (law.mean + shift * law.variance) / denominator, variance: law.variance / denominator }
+}
