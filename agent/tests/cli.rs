@@ -1,5 +1,7 @@
 //! What the agent says, and with which exit code, when it cannot work.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
 use std::path::Path;
 
 use assert_cmd::Command;
@@ -47,9 +49,9 @@ fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("good.rnx"), OBSERVATIONS).unwrap();
     std::fs::write(folder.path().join("nav.rnx"), NAVIGATION).unwrap();
-    let cut: String = OBSERVATIONS.lines().take(2).map(|line| format!("{line}\n")).collect();
+    let cut: String = OBSERVATIONS.split_inclusive('\n').take(2).collect();
     std::fs::write(folder.path().join("cut.rnx"), cut).unwrap();
-    let header: String = OBSERVATIONS.lines().take(3).map(|line| format!("{line}\n")).collect();
+    let header: String = OBSERVATIONS.split_inclusive('\n').take(3).collect();
     std::fs::write(folder.path().join("header.rnx"), header).unwrap();
     std::fs::write(folder.path().join("noise.bin"), [0x1f, 0x8b, 8, 0, 1, 2, 3]).unwrap();
     folder

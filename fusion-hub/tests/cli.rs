@@ -1,5 +1,7 @@
 //! What the hub says, and with which exit code.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
 use std::path::Path;
 
 use assert_cmd::Command;

@@ -1,5 +1,7 @@
 //! What others put on the wire, and agents and hubs that come late or vanish.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -109,9 +111,7 @@ fn echoed_messages_are_dropped_and_counted() {
     let session = hub.foreign_session().unwrap();
     let echo = session.clone();
     let _subscriber = session
-        .declare_subscriber(
-            epoch_key(&plan.group, "*").unwrap_or_else(|_| format!("cofix/{}/phone/*/epoch", plan.group)),
-        )
+        .declare_subscriber(all_epochs_key(&plan.group).unwrap())
         .callback(move |sample| {
             let put = echo.put(sample.key_expr().clone(), sample.payload().clone());
             put.allowed_destination(Locality::Remote).wait().unwrap();
@@ -129,8 +129,9 @@ fn a_late_hub_gets_everything_from_the_start() {
     let plan = small_plan(2, 30.0).unwrap();
     let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let endpoint = format!("tcp/127.0.0.1:{port}");
-    let agents: Vec<_> =
-        (0..2).map(|phone| start_agent(agent_config(&plan, phone, &[endpoint.clone()]).unwrap())).collect();
+    let agents: Vec<_> = (0..2)
+        .map(|phone| start_agent(agent_config(&plan, phone, std::slice::from_ref(&endpoint)).unwrap()))
+        .collect();
     std::thread::sleep(Duration::from_millis(500));
     let hub = Hub::start_at(&plan, Course::Replay, &endpoint).unwrap();
     for agent in agents {
