@@ -42,7 +42,7 @@ mod tests {
         let stop = Stop::default();
         assert!(!stop.sleep(Duration::from_millis(1)));
         let other = stop.clone();
-        let sleeper = std::thread::spawn(move || other.sleep(Duration::from_secs(3_600)));
+        let sleeper = std::thread::spawn(move || other.sleep(Duration::from_hours(1)));
         stop.request();
         assert!(sleeper.join().unwrap());
         assert!(stop.is_requested());

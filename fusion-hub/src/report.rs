@@ -258,3 +258,6 @@ fn rows(method: &str, phones: &ByPhone, names: &[String], width: usize) -> Strin
     }
     text
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,7 @@
 //! Whole sessions through agents and hub over Zenoh on loopback.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -188,7 +188,7 @@ fn interleaved(all: &[Vec<f64>], order: &[usize]) -> Vec<Bucket> {
     for phone in order.iter().map(|i| i % all.len()).chain(rest) {
         match all[phone].get(sent[phone]) {
             Some(&seconds) => {
-                aligner.push(phone, message(phone, sent[phone] as u64, seconds), Duration::ZERO)
+                aligner.push(phone, message(phone, sent[phone] as u64, seconds), Duration::ZERO);
             }
             None => aligner.finish(phone),
         }

@@ -4,6 +4,9 @@ use super::*;
 /// One way to spoil an observation.
 type Spoil = fn(&mut CorrectedObservation);
 
+/// One way to spoil a message.
+type SpoilMessage = fn(&mut EpochMessage);
+
 const SPOILS: [(&str, Spoil); 16] = [
     ("pseudorange", |o| o.pseudorange_m = f64::NAN),
     ("pseudorange", |o| o.pseudorange_m = 1e12),
@@ -75,7 +78,7 @@ fn the_second_observation_of_a_signal_goes() {
 
 #[test]
 fn bad_parts_go_alone() {
-    let spoils: [(Part, fn(&mut EpochMessage)); 7] = [
+    let spoils: [(Part, SpoilMessage); 7] = [
         (Part::Wls, |m| m.wls.as_mut().unwrap().position.0.x = 2e8),
         (Part::Wls, |m| m.wls.as_mut().unwrap().position_covariance[(1, 1)] = -1.0),
         (Part::Wls, |m| m.wls.as_mut().unwrap().dops.pdop = f64::NAN),
@@ -98,7 +101,7 @@ fn bad_parts_go_alone() {
 
 #[test]
 fn hopeless_messages_are_refused_with_facts() {
-    let spoils: [(&str, fn(&mut EpochMessage)); 5] = [
+    let spoils: [(&str, SpoilMessage); 5] = [
         ("'HP20' but came on the key of 'HP30'", |m| m.phone = "HP20".to_owned()),
         ("contains '*'", |m| m.phone = "*".to_owned()),
         ("outside 1980 to 2200", |m| m.time_gps = GpsTime::from_nanos(-1)),

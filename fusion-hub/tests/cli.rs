@@ -1,0 +1,95 @@
+//! What the hub says, and with which exit code.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
+use std::path::Path;
+
+use assert_cmd::Command;
+
+fn hub(folder: &Path, arguments: &[&str]) -> assert_cmd::assert::Assert {
+    Command::new(env!("CARGO_BIN_EXE_cofix-hub")).current_dir(folder).args(arguments).assert()
+}
+
+/// The hub's last words, after checking that it failed with exit code 1 and one line.
+fn failure(folder: &Path, arguments: &[&str]) -> String {
+    let assert = hub(folder, arguments).code(1);
+    let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+    assert!(text.contains("ERROR") && !text.contains("panicked"), "{text}");
+    assert!(assert.get_output().stdout.is_empty(), "only the table goes to the standard output");
+    text
+}
+
+#[test]
+fn the_demonstration_records_reports_and_names_the_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let assert = hub(folder.path(), &["demo", "--report", "demo.json"]).success();
+    let text = String::from_utf8(assert.get_output().stdout.clone()).unwrap();
+    assert!(text.contains("| joint  | SIM3 "), "{text}");
+    assert!(text.contains("Recording: cofix-demo.rrd"), "{text}");
+    assert!(folder.path().join("cofix-demo.rrd").exists());
+    let json = std::fs::read_to_string(folder.path().join("demo.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(report["group"], "demo");
+    for key in [
+        "epochs",
+        "availability",
+        "horizontal_p50_m",
+        "horizontal_p68_m",
+        "horizontal_p95_m",
+        "rmse_east_m",
+        "rmse_north_m",
+        "rmse_up_m",
+        "rmse_2d_m",
+    ] {
+        for method in ["wls", "local", "joint"] {
+            assert!(report["methods"][method]["SIM1"][key].is_number(), "{method} {key}");
+        }
+    }
+}
+
+#[test]
+fn session_files_that_cannot_be_used_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let phone = "[[phone]]\nname = 'a'\n";
+    for (name, content, said) in [
+        ("unknown.toml", format!("group = 'g'\ncolour = 'red'\n{phone}"), "unknown field `colour`"),
+        ("syntax.toml", "group = ".to_owned(), "syntax.toml"),
+        ("recorded.toml", format!("group = 'g'\n{phone}"), "phone 'a' has no observations"),
+        (
+            "files.toml",
+            format!("group = 'g'\n[products]\nsp3 = ['x.sp3']\n{phone}observations = 'a.rnx'"),
+            "x.sp3: cannot read the SP3 file",
+        ),
+        (
+            "truth.toml",
+            format!(
+                "group = 'g'\n[products]\nsp3 = ['x.sp3']\n{phone}observations = 'a.rnx'\ntruth = 'truth.toml'"
+            ),
+            "truth.toml: not usable as truth",
+        ),
+    ] {
+        std::fs::write(folder.path().join(name), content).unwrap();
+        let text = failure(folder.path(), &["replay", name]);
+        assert!(text.contains(said), "expected '{said}' in: {text}");
+    }
+    assert!(failure(folder.path(), &["replay", "missing.toml"]).contains("missing.toml: cannot read"));
+}
+
+#[test]
+fn a_taken_endpoint_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("live.toml"), "group = 'g'\n[[phone]]\nname = 'a'\n").unwrap();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let endpoint = format!("tcp/{}", taken.local_addr().unwrap());
+    let text = failure(folder.path(), &["run", "live.toml", "--listen", &endpoint]);
+    assert!(text.contains("cannot listen on") && text.contains(&endpoint), "{text}");
+    let text = failure(folder.path(), &["run", "live.toml", "--listen", "nonsense"]);
+    assert!(text.contains("nonsense"), "{text}");
+}
+
+#[test]
+fn an_unwritable_recording_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = failure(folder.path(), &["demo", "--recording", "no/such/folder/demo.rrd"]);
+    assert!(text.contains("no/such/folder/demo.rrd"), "{text}");
+}
