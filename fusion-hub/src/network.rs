@@ -9,7 +9,6 @@ use cofix_common::wire::{
     FusedMessage, all_epochs_key, all_liveliness_key, all_receipts_key, all_status_key, encode, fused_key,
     phone_of_key,
 };
-use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
 use zenoh::query::{Query, Queryable};
@@ -74,7 +73,6 @@ pub struct Network {
     _status: AdvancedSubscriber<()>,
     _alive: Subscriber<()>,
     _receipts: Queryable<()>,
-    _token: LivelinessToken,
 }
 
 #[allow(clippy::needless_pass_by_value)] // for `map_err`
@@ -100,11 +98,6 @@ impl Network {
             .callback(move |query| answer(&answers, &query))
             .wait()
             .map_err(zenoh_error)?;
-        let token = session
-            .liveliness()
-            .declare_token(format!("cofix/{group}/hub/alive"))
-            .wait()
-            .map_err(zenoh_error)?;
         let network = Self {
             session,
             group: group.to_owned(),
@@ -114,7 +107,6 @@ impl Network {
             _status: status,
             _alive: alive,
             _receipts: queryable,
-            _token: token,
         };
         Ok((network, events))
     }
