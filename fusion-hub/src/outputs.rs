@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use cofix_common::constraint::{Constraint, ConstraintAction};
+use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::wire::FusedMessage;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -111,7 +111,11 @@ fn fused_message(epoch: &FusedEpoch, index: usize, name: &str) -> Option<FusedMe
     })
 }
 
+/// Whether a constraint was applied to a phone.
 fn concerns(action: &ConstraintAction, index: usize) -> bool {
+    if matches!(action.outcome, ConstraintOutcome::Skipped(_)) {
+        return false;
+    }
     match action.constraint {
         Constraint::Distance { phones: (i, j), .. } => i == index || j == index,
         Constraint::VerticalVelocity { phone, .. } | Constraint::Heading { phone, .. } => phone == index,

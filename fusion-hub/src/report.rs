@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use cofix_common::accuracy::Accuracy;
-use cofix_common::constraint::{Constraint, ConstraintAction};
+use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::integrity::Verdict;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -57,7 +57,11 @@ pub struct ConstraintReport {
     /// Epochs at which it changed the state, be it only the tails.
     pub acted: u64,
     /// Epochs at which the estimate before it was outside the bounds.
-    pub violated: u64,
+    pub violated_before: u64,
+    /// Epochs at which the estimate stayed outside the bounds.
+    pub violated_after: u64,
+    /// Epochs at which it could not be applied.
+    pub not_applied: u64,
     /// Largest shift of a phone, m.
     pub largest_shift_m: f64,
     /// Mean shift where it acted, m.
@@ -152,8 +156,13 @@ impl Tally {
 
 impl ConstraintReport {
     fn push(&mut self, action: &ConstraintAction) {
+        if matches!(action.outcome, ConstraintOutcome::Skipped(_)) {
+            self.not_applied += 1;
+            return;
+        }
         self.acted += 1;
-        self.violated += u64::from(is_violated(action));
+        self.violated_before += u64::from(is_violated(action));
+        self.violated_after += u64::from(action.outcome == ConstraintOutcome::Violated);
         self.largest_shift_m = self.largest_shift_m.max(action.shift_m);
         self.mean_shift_m += (action.shift_m - self.mean_shift_m) / self.acted as f64;
         self.enlarged += u64::from(action.enlargements > 0);

@@ -1,3 +1,4 @@
+use cofix_common::constraint::SkipReason;
 use cofix_common::integrity::{Cause, RaimReport};
 use cofix_common::wire::EpochMessage;
 
@@ -25,7 +26,14 @@ fn epoch(seconds: f64, verdict: Verdict, actions: Vec<ConstraintAction>) -> Fuse
 }
 
 fn action(constraint: Constraint, before: f64, shift_m: f64, enlargements: u32) -> ConstraintAction {
-    ConstraintAction { constraint, before, after: 0.0, shift_m, enlargements }
+    ConstraintAction {
+        constraint,
+        before,
+        after: 0.0,
+        shift_m,
+        enlargements,
+        outcome: ConstraintOutcome::Holds,
+    }
 }
 
 #[test]
@@ -37,7 +45,11 @@ fn epochs_verdicts_and_constraints_are_counted() {
     let actions =
         vec![action(distance, 3.0, 0.5, 2), action(vertical, -1.5, 0.1, 0), action(heading, 0.05, 0.2, 0)];
     tally.push(&epoch(10.0, Verdict::Reliable, actions));
-    tally.push(&epoch(11.0, Verdict::Unreliable(Cause::Geometry), vec![action(distance, 1.5, 0.1, 0)]));
+    let still = ConstraintAction { outcome: ConstraintOutcome::Violated, ..action(distance, 1.5, 0.1, 0) };
+    let reason = SkipReason::NoVariance;
+    let skipped =
+        ConstraintAction { outcome: ConstraintOutcome::Skipped(reason), ..action(distance, 9.0, 9.0, 9) };
+    tally.push(&epoch(11.0, Verdict::Unreliable(Cause::Geometry), vec![still, skipped]));
     assert_eq!((tally.epochs(), tally.common_epochs(), tally.usable_epochs(0)), (2, 0, 0));
     let phones = tally.phones(|_| Skips::default());
     assert_eq!((phones["b"].epochs, phones["b"].empty_epochs, phones["a"].epochs), (2, 2, 0));
@@ -45,11 +57,18 @@ fn epochs_verdicts_and_constraints_are_counted() {
     assert_eq!(phones["b"].verdicts["unreliable: geometry"], 1);
     assert_eq!(phones["b"].last_gps.as_deref(), Some("2020-08-09T00:00:11.000"));
     let constraints = tally.constraints();
-    let expected =
-        ConstraintReport { acted: 2, violated: 1, largest_shift_m: 0.5, mean_shift_m: 0.3, enlarged: 1 };
+    let expected = ConstraintReport {
+        acted: 2,
+        violated_before: 1,
+        violated_after: 1,
+        not_applied: 1,
+        largest_shift_m: 0.5,
+        mean_shift_m: 0.3,
+        enlarged: 1,
+    };
     assert_eq!(constraints["distance b–a"], expected);
-    assert_eq!(constraints["vertical-velocity a"].violated, 1);
-    assert_eq!(constraints["heading b 57°"].violated, 0);
+    assert_eq!(constraints["vertical-velocity a"].violated_before, 1);
+    assert_eq!(constraints["heading b 57°"].violated_before, 0);
 }
 
 #[test]
