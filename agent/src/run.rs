@@ -1,5 +1,7 @@
 //! From source to wire.
 
+use std::sync::Arc;
+
 use cofix_common::skips::Skips;
 use cofix_common::wire::PhoneStatus;
 
@@ -50,6 +52,7 @@ pub struct AgentReport {
 pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError> {
     let observations = source::observations(&config.source)?;
     let (products, product_skips) = source::products(&config.products)?;
+    let covering = Arc::clone(&products);
     let session = link::connect(&config.connect, config.patience)?;
     let publisher =
         Publisher { group: &config.group, phone: &config.phone, kept_messages: config.kept_messages };
@@ -57,6 +60,7 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
     let mut pipeline = PhonePipeline::new(&config.phone, products, config.pipeline.clone());
     let mut skips = observations.skips.clone();
     skips.merge(&product_skips);
+    source::note_shortcomings(&observations.epochs, &covering, &mut skips);
     let outcome = publish(config, &observations, &mut pipeline, &mut publication, stop);
     skips.merge(&pipeline.skips());
     let finished = finish(config, &publication, &outcome, &skips, stop);

@@ -14,14 +14,14 @@ use crate::{ProductSource, Source};
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
     /// It cannot be read.
-    #[error("{}: cannot read the {kind} file: {source}", path.display())]
+    #[error("{}: cannot read the {kind} file: {cause}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
         /// What it should be.
         kind: &'static str,
         /// Why.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// It is not what it should be.
     #[error("{}: not usable as {kind} file: {reason}", path.display())]
@@ -78,6 +78,32 @@ pub fn products(source: &ProductSource) -> Result<(Arc<Products>, Skips), Source
     }
 }
 
+/// Group delays drift by a fraction of a nanosecond a month; older ones serve, but the user should know.
+const STALE_GROUP_DELAYS_S: f64 = 7.0 * 86_400.0;
+
+/// Notes what the products lack for these epochs: precise orbits beyond their ends, recent group delays.
+pub fn note_shortcomings(epochs: &[ObservationEpoch], products: &Products, skips: &mut Skips) {
+    count_uncovered(epochs, products, skips);
+    let Some(first) = epochs.first() else { return };
+    if let Some(age_s) = products.group_delay_age_s(first.time_gps)
+        && age_s > STALE_GROUP_DELAYS_S
+    {
+        skips.add("group delays more than a week from the observations, used all the same", || {
+            format!("{:.1} days at {}", age_s / 86_400.0, first.time_gps)
+        });
+    }
+}
+
+/// Counts the epochs that the precise orbits do not cover: beyond them only broadcast orbits can serve.
+fn count_uncovered(epochs: &[ObservationEpoch], products: &Products, skips: &mut Skips) {
+    let Some((first, last)) = products.coverage() else { return };
+    for epoch in epochs.iter().filter(|epoch| epoch.time_gps < first || epoch.time_gps > last) {
+        skips.add("epoch outside the SP3 orbits", || {
+            format!("{}; they cover {first} to {last}", epoch.time_gps)
+        });
+    }
+}
+
 fn load(sp3: &[PathBuf], navigation: &[PathBuf]) -> Result<(Arc<Products>, Skips), SourceError> {
     if sp3.is_empty() && navigation.is_empty() {
         return Err(SourceError::NoProducts);
@@ -101,7 +127,7 @@ fn load(sp3: &[PathBuf], navigation: &[PathBuf]) -> Result<(Arc<Products>, Skips
 }
 
 fn read(path: &Path, kind: &'static str) -> Result<Vec<u8>, SourceError> {
-    std::fs::read(path).map_err(|source| SourceError::Read { path: path.to_owned(), kind, source })
+    std::fs::read(path).map_err(|cause| SourceError::Read { path: path.to_owned(), kind, cause })
 }
 
 fn unusable(path: &Path, kind: &'static str, reason: String) -> SourceError {

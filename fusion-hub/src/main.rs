@@ -135,6 +135,10 @@ fn conclude(outcome: &Outcome, report: Option<&Path>) -> anyhow::Result<()> {
     }
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", outcome.table)?;
+    let skipped = outcome.report.skipped();
+    if !skipped.is_empty() {
+        writeln!(out, "Skipped (the report names the first of each):\n{skipped}\n")?;
+    }
     if let Some((path, recorded)) = &outcome.recording {
         let megabytes = recorded.bytes as f64 * 1e-6;
         writeln!(out, "Recording: {} ({megabytes:.1} MB, {} epochs)", path.display(), recorded.epochs)?;

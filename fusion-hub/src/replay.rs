@@ -9,8 +9,6 @@ use anyhow::{Context, anyhow, bail};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, source};
 use cofix_common::accuracy::Truth;
-use cofix_common::constraint::ConstraintOptions;
-use cofix_common::filter::FilterOptions;
 use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
@@ -145,11 +143,7 @@ fn read_truth(path: &Path) -> anyhow::Result<Truth> {
 pub fn settings(preset: Preset) -> (PipelineOptions, EngineOptions) {
     match preset {
         Preset::Default => (PipelineOptions::default(), EngineOptions::default()),
-        Preset::Peng2023 => {
-            let filter = FilterOptions::peng2023();
-            let constraints = ConstraintOptions::peng2023();
-            (PipelineOptions { filter, ..PipelineOptions::default() }, EngineOptions { filter, constraints })
-        }
+        Preset::Peng2023 => (PipelineOptions::peng2023(), EngineOptions::peng2023()),
     }
 }
 

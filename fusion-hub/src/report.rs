@@ -161,21 +161,11 @@ impl ConstraintReport {
             return;
         }
         self.acted += 1;
-        self.violated_before += u64::from(is_violated(action));
+        self.violated_before += u64::from(!action.constraint.holds(action.before));
         self.violated_after += u64::from(action.outcome == ConstraintOutcome::Violated);
         self.largest_shift_m = self.largest_shift_m.max(action.shift_m);
         self.mean_shift_m += (action.shift_m - self.mean_shift_m) / self.acted as f64;
         self.enlarged += u64::from(action.enlargements > 0);
-    }
-}
-
-fn is_violated(action: &ConstraintAction) -> bool {
-    match action.constraint {
-        Constraint::Distance { minimum_m, maximum_m, .. } => {
-            !(minimum_m..=maximum_m).contains(&action.before)
-        }
-        Constraint::VerticalVelocity { maximum_mps, .. } => action.before.abs() > maximum_mps,
-        Constraint::Heading { tolerance_rad, .. } => action.before.abs() > tolerance_rad,
     }
 }
 
@@ -202,6 +192,22 @@ impl Report {
     /// When it cannot be serialised, which does not happen.
     pub fn json(&self) -> Result<String, serde_json::Error> {
         serde_json::to_string_pretty(self).map(|text| text + "\n")
+    }
+
+    /// What was skipped, a line for each phone and one for the group; empty when nothing was.
+    pub fn skipped(&self) -> String {
+        let counts = |skips: &Skips| {
+            let counts: Vec<String> =
+                skips.iter().map(|(reason, skip)| format!("{} × {reason}", skip.count)).collect();
+            counts.join(", ")
+        };
+        let phones = self.phones.iter().map(|(name, phone)| (name.as_str(), &phone.skips));
+        phones
+            .chain([("group", &self.skips)])
+            .filter(|(_, skips)| !skips.is_empty())
+            .map(|(name, skips)| format!("{name}: {}", counts(skips)))
+            .collect::<Vec<_>>()
+            .join("\n")
     }
 
     /// The accuracy table, phones in the order of `names`, as Markdown that is legible in a terminal too.

@@ -83,12 +83,12 @@ pub struct SessionPhone {
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// The file cannot be read.
-    #[error("{}: cannot read the session file: {source}", path.display())]
+    #[error("{}: cannot read the session file: {cause}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// Not TOML, an unknown key, a missing key or a value of the wrong type.
     #[error("{}: {message}", path.display())]
@@ -115,7 +115,7 @@ impl Session {
     /// See [`SessionError`].
     pub fn read(path: &Path) -> Result<Self, SessionError> {
         let text = std::fs::read_to_string(path)
-            .map_err(|source| SessionError::Read { path: path.to_owned(), source })?;
+            .map_err(|cause| SessionError::Read { path: path.to_owned(), cause })?;
         Self::parse(&text, path)
     }
 
