@@ -194,7 +194,8 @@ impl Report {
         serde_json::to_string_pretty(self).map(|text| text + "\n")
     }
 
-    /// What was skipped, a line for each phone and one for the group; empty when nothing was.
+    /// What was skipped, a line for each phone, one for the group and one for each constraint that was at times not applied;
+    /// empty when nothing was.
     pub fn skipped(&self) -> String {
         let counts = |skips: &Skips| {
             let counts: Vec<String> =
@@ -206,6 +207,9 @@ impl Report {
             .chain([("group", &self.skips)])
             .filter(|(_, skips)| !skips.is_empty())
             .map(|(name, skips)| format!("{name}: {}", counts(skips)))
+            .chain(self.constraints.iter().filter(|(_, c)| c.not_applied > 0).map(|(name, c)| {
+                format!("{name}: not applied in {} epochs, contradicted or not computable", c.not_applied)
+            }))
             .collect::<Vec<_>>()
             .join("\n")
     }

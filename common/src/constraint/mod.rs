@@ -105,6 +105,8 @@ pub enum SkipReason {
     NoVariance,
     /// State, covariance or the result is not finite.
     NotFinite,
+    /// The state contradicts it beyond [`ConstraintOptions::contradiction_sigmas`]: one of the two is wrong.
+    Contradicted,
 }
 
 impl Constraint {

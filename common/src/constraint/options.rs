@@ -74,6 +74,9 @@ pub struct ConstraintOptions {
     pub horizon_s: f64,
     /// When a heading applies.
     pub heading_gate: HeadingGate,
+    /// A constraint that the state puts this many standard deviations out of bounds is not applied but reported: a phone
+    /// has left the car, or a course is not that of the road. Infinite: apply whatever is said, as the paper does.
+    pub contradiction_sigmas: f64,
     /// Largest number of times that a distance is linearised anew at one refresh.
     pub max_relinearisations: u32,
 }
@@ -88,6 +91,7 @@ impl Default for ConstraintOptions {
             distance_model: DistanceModel::Box,
             horizon_s: 0.0,
             heading_gate: HeadingGate::default(),
+            contradiction_sigmas: 6.0,
             max_relinearisations: 5,
         }
     }
@@ -103,6 +107,7 @@ impl ConstraintOptions {
             distance_model: DistanceModel::Radial,
             horizon_s: 1.0,
             heading_gate: HeadingGate::default(),
+            contradiction_sigmas: f64::INFINITY,
             max_relinearisations: 10,
         }
     }

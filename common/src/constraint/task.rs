@@ -81,7 +81,10 @@ impl Task {
         let rows = rows_at(&self.constraint, state, covariance, options)?;
         self.rows = Some(rows);
         if !self.constraint.holds(self.before) {
-            return Ok(false);
+            let limit = options.contradiction_sigmas;
+            let contradicted =
+                rows.iter().flatten().any(|bounded| outside_sigmas(bounded, state, covariance) > limit);
+            return if contradicted { Err(SkipReason::Contradicted) } else { Ok(false) };
         }
         let idle = |bounded: &BoundedRow| is_idle(bounded, state, covariance);
         // An idle constraint may still be violated when another one has moved its phones: it is looked at again.
@@ -159,6 +162,14 @@ fn has_heading(
         return Err(SkipReason::NotFinite);
     }
     Ok(speed_mps >= gate.minimum_speed_mps && speed_mps > gate.minimum_sigmas * sigma_mps)
+}
+
+/// How far a row's mean is out of its interval, in standard deviations; 0 inside, or without a variance to tell.
+fn outside_sigmas(bounded: &BoundedRow, state: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
+    let mean = bounded.row.times(state);
+    let excess = (bounded.interval.lower - mean).max(mean - bounded.interval.upper).max(0.0);
+    let variance = bounded.row.variance(covariance);
+    if excess > 0.0 && variance > 0.0 { excess / variance.sqrt() } else { 0.0 }
 }
 
 /// Whether a row's interval takes nothing noticeable from its law.

@@ -349,6 +349,24 @@ fn states_without_variance_or_not_finite_are_left_alone() {
 }
 
 #[test]
+fn a_constraint_that_the_state_contradicts_is_reported_and_not_applied() {
+    // Driving north at 15 m/s known to 0.3 m/s, 100 m from the other phone, each known to a metre.
+    let prior_state = state(&[([0.0; 3], [0.0, 15.0, 0.0]), ([100.0, 0.0, 0.0], [0.0, 15.0, 0.0])]);
+    let prior = covariance(&[[1.0, 0.3, 1.0]; 2]);
+    let west = Constraint::Heading { phone: 0, course_rad: 1.5 * PI, tolerance_rad: 0.2 };
+    for wrong in [west, distance(0.0, 2.0)] {
+        let (mut x, mut p) = (prior_state.clone(), prior.clone());
+        let actions = constrain(&mut x, &mut p, &[wrong], &ConstraintOptions::default());
+        assert_eq!(actions[0].outcome, ConstraintOutcome::Skipped(SkipReason::Contradicted), "{wrong:?}");
+        assert_eq!((&x, &p), (&prior_state, &prior), "{wrong:?}");
+        let obedient =
+            ConstraintOptions { contradiction_sigmas: f64::INFINITY, ..ConstraintOptions::default() };
+        constrain(&mut x, &mut p, &[wrong], &obedient);
+        assert_ne!(x, prior_state, "{wrong:?}");
+    }
+}
+
+#[test]
 fn the_horizon_looks_ahead_with_the_acceleration() {
     let constraint = Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 };
     let mut mean = state(&[([0.0; 3], [0.0; 3])]);
