@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use cofix_common::constraint::{Constraint, ConstraintAction};
+use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::skips::Skips;
 use rerun::{Color, TextLogLevel};
 
@@ -75,12 +75,18 @@ impl GroupRecorder {
     pub fn push_actions(&mut self, time_ns: i64, actions: &[ConstraintAction], skips: &mut Skips) {
         for action in actions {
             let (name, change) = self.describe(action);
-            let level = if action.enlargements > 0 { TextLogLevel::WARN } else { TextLogLevel::INFO };
-            let enlarged = match action.enlargements {
-                0 => String::new(),
-                count => format!(", interval enlarged {count} times"),
+            let (level, text) = match (action.outcome, action.enlargements) {
+                (ConstraintOutcome::Skipped(reason), _) => {
+                    (TextLogLevel::WARN, format!("{name}: not applied ({reason:?}), {change}"))
+                }
+                (_, 0) => (TextLogLevel::INFO, format!("{name}: {change}, moved by {:.3} m", action.shift_m)),
+                (_, count) => {
+                    let moved_m = action.shift_m;
+                    let text =
+                        format!("{name}: {change}, moved by {moved_m:.3} m, interval enlarged {count} times");
+                    (TextLogLevel::WARN, text)
+                }
             };
-            let text = format!("{name}: {change}, moved by {:.3} m{enlarged}", action.shift_m);
             let colour = palette(self.actions.len());
             let series = self.actions.entry(name).or_insert_with_key(|name| Actions::new(name, colour));
             series.shift.push(time_ns, Some(action.shift_m), skips);
