@@ -5,19 +5,21 @@ use std::sync::Arc;
 use cofix_common::filter::{FilterOptions, JointFilter, Start};
 use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
-use cofix_common::integrity::{Monitored, RaimOptions, solve_with_raim};
+use cofix_common::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim};
 use cofix_common::measurement::{
     CorrectedObservation, CorrectionOptions, Corrector, PreparedObservation, StochasticModel,
     without_position,
 };
 use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
-use cofix_common::solve::{PointSolution, solve_position, solve_velocity};
+use cofix_common::solve::{PointSolution, SolveError, solve_position, solve_velocity};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
 
 /// An epoch-wise position further than this from the last one is solved again from its own corrections, m.
 const RECORRECT_M: f64 = 1_000.0;
+/// How often at most.
+const MOST_CORRECTIONS: usize = 4;
 
 /// What the pipeline may be told.
 #[derive(Clone, Debug, Default)]
@@ -68,7 +70,15 @@ impl PhonePipeline {
     pub fn process(&mut self, epoch: &ObservationEpoch) -> EpochMessage {
         let (observations, Monitored { fit, report }) = self.solve(epoch);
         let wls = match &fit {
-            Ok(fit) => fit.to_solution(solve_velocity(&observations, fit.position())),
+            Ok(fit) => {
+                let solution = fit.to_solution(solve_velocity(&observations, fit.position()));
+                if solution.is_none() {
+                    self.skips.add("epoch whose geometry is singular without weights", || {
+                        epoch.time_gps.to_string()
+                    });
+                }
+                solution
+            }
             Err(error) => {
                 self.skips.add("epoch without a solution", || format!("{}: {error}", epoch.time_gps));
                 None
@@ -77,7 +87,7 @@ impl PhonePipeline {
         if let Some(solution) = &wls {
             self.position = Some(solution.position);
         }
-        self.filter(epoch.time_gps, &observations, wls.as_ref());
+        self.filter(epoch.time_gps, &observations, wls.as_ref().map(|solution| (solution, report.verdict)));
         let message = EpochMessage {
             phone: self.phone.clone(),
             sequence: self.sequence,
@@ -99,41 +109,64 @@ impl PhonePipeline {
     }
 
     /// Corrects and solves. Corrections are made for the last known position, or, without one, for a first solution
-    /// without atmosphere; when the solution turns out far from there, they are made again.
+    /// without atmosphere; when the solution turns out far from there, they are made again. A last known position that gives no
+    /// solution is forgotten: it may be what is wrong.
     fn solve(&mut self, epoch: &ObservationEpoch) -> (Vec<CorrectedObservation>, Monitored) {
         let prepared = self.corrector.prepare(epoch);
-        let mut seen_from = self.position.unwrap_or_else(|| rough_position(&prepared));
-        let mut rounds_left = 3;
-        loop {
-            rounds_left -= 1;
-            let mut observations = self.corrector.finish(&prepared, seen_from, epoch.time_gps);
+        let known = self.position.take();
+        let solved =
+            self.solve_from(&prepared, known.unwrap_or_else(|| rough_position(&prepared)), epoch.time_gps);
+        if solved.1.fit.is_err() && known.is_some() {
+            return self.solve_from(&prepared, rough_position(&prepared), epoch.time_gps);
+        }
+        solved
+    }
+
+    fn solve_from(
+        &mut self,
+        prepared: &[PreparedObservation],
+        start: Ecef,
+        time_gps: GpsTime,
+    ) -> (Vec<CorrectedObservation>, Monitored) {
+        let mut seen_from = start;
+        for _ in 0..MOST_CORRECTIONS {
+            let (mut observations, masked) = self.corrector.finish(prepared, seen_from, time_gps);
             let monitored = solve_with_raim(&mut observations, seen_from, &self.options.raim);
-            let Ok(fit) = &monitored.fit else { return (observations, monitored) };
-            let moved_m = fit.position().distance_m(seen_from);
-            if moved_m <= RECORRECT_M || rounds_left == 0 {
-                for observation in &mut observations {
-                    observation.residual_m = fit.residual_of(observation);
+            let moved_m = monitored.fit.as_ref().map_or(0.0, |fit| fit.position().distance_m(seen_from));
+            if moved_m <= RECORRECT_M {
+                self.skips.merge(&masked);
+                if let Ok(fit) = &monitored.fit {
+                    for observation in &mut observations {
+                        observation.residual_m = fit.residual_of(observation);
+                    }
                 }
                 return (observations, monitored);
             }
-            seen_from = fit.position();
+            seen_from = monitored.fit.map_or(seen_from, |fit| fit.position());
         }
+        let step = SolveError::Diverged { step_m: RECORRECT_M };
+        let report = RaimReport { verdict: Verdict::CannotBeChecked, global_test: None, excluded: 0 };
+        (Vec::new(), Monitored { fit: Err(step), report })
     }
 
     fn filter(
         &mut self,
         time_gps: GpsTime,
         observations: &[CorrectedObservation],
-        wls: Option<&PointSolution>,
+        wls: Option<(&PointSolution, Verdict)>,
     ) {
+        for (_, silence_s) in self.filter.drop_silent(time_gps) {
+            self.skips
+                .add("local filter restarted", || format!("{time_gps}: no measurement for {silence_s:.1} s"));
+        }
         self.filter.predict(time_gps);
         if let Some(reason) = self.restart_reason() {
             if !self.filter.is_empty() {
                 self.skips.add("local filter restarted", || format!("{time_gps}: {reason}"));
                 self.filter.remove(0);
             }
-            if let Some(solution) = wls {
-                self.filter.insert(0, time_gps, &Start::at_solution(solution));
+            if let Some((solution, verdict)) = wls {
+                self.filter.insert(0, time_gps, &Start::at_solution(solution, verdict));
             }
         } else if !observations.is_empty() {
             self.filter.update(0, observations);
@@ -144,8 +177,6 @@ impl PhonePipeline {
     fn restart_reason(&self) -> Option<&'static str> {
         if self.filter.is_empty() {
             Some("no state yet")
-        } else if self.filter.silence_s(0) > self.options.filter.maximum_gap_s {
-            Some("gap in the observations")
         } else if self.filter.is_lost(0) {
             Some("most pseudoranges contradict the prediction")
         } else if !self.filter.is_sound() {

@@ -31,7 +31,8 @@ fn corrected_observations_fit_the_truth() {
         let biases = *epochs.inter_system_biases();
         for simulated in epochs {
             let prepared = corrector.prepare(&simulated.epoch);
-            let corrected = corrector.finish(&prepared, simulated.truth.position, simulated.epoch.time_gps);
+            let (corrected, _) =
+                corrector.finish(&prepared, simulated.truth.position, simulated.epoch.time_gps);
             for observation in corrected {
                 let (code_m, rate_mps) =
                     residuals(&observation, &simulated, biases.of(observation.clock_group()));

@@ -2,7 +2,7 @@
 
 mod oracle;
 
-use cofix_common::statistics::normal::two_sided_quantile;
+use cofix_common::statistics::normal::two_sided_threshold;
 use cofix_common::statistics::{chi_square_threshold, chi_square_upper_tail, truncated_moments};
 
 /// |value/reference − 1|, or the absolute difference for references below what a double resolves here.
@@ -46,7 +46,7 @@ fn chi_square() {
         assert!(error(threshold, row[2]) < 1e-14, "{row:?}: {threshold}");
         assert!(error(chi_square_upper_tail(row[2], dof), row[1]) < 1e-11, "{row:?}");
         if dof == 1 {
-            assert!(error(two_sided_quantile(row[1]), row[3]) < 1e-13, "{row:?}");
+            assert!(error(two_sided_threshold(row[1]), row[3]) < 1e-13, "{row:?}");
         }
     }
     println!("worst relative error of a threshold: {worst:e}");

@@ -18,18 +18,28 @@ pub struct ScheduledConstraint {
 }
 
 /// What the engine may be told.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct EngineOptions {
     /// The joint filter.
     pub filter: FilterOptions,
     /// How constraints act.
     pub constraints: ConstraintOptions,
+    /// Whether the constrained state is what the filter goes on with (as in Peng 2023), so that phones help each other
+    /// over time; without, constraints act on what is given out only. With it, quantities that truly are near
+    /// their bound are drawn inwards, for a bound that holds at every epoch is counted at every epoch.
+    pub feedback: bool,
+}
+
+impl Default for EngineOptions {
+    fn default() -> Self {
+        Self { filter: FilterOptions::default(), constraints: ConstraintOptions::default(), feedback: true }
+    }
 }
 
 impl EngineOptions {
     /// Filter and constraints of Peng 2023.
     pub fn peng2023() -> Self {
-        Self { filter: FilterOptions::peng2023(), constraints: ConstraintOptions::peng2023() }
+        Self { filter: FilterOptions::peng2023(), constraints: ConstraintOptions::peng2023(), feedback: true }
     }
 }
 
@@ -101,7 +111,7 @@ impl Engine {
             }
         }
         let time_gps = order.last().map_or(self.filter.time_gps(), |(time, _)| *time);
-        self.drop_silent();
+        let kept = (!self.options.feedback).then(|| self.filter.clone());
         let actions = self.constrain(time_gps);
         let distances = self.distances(time_gps);
         let phones = messages
@@ -112,6 +122,9 @@ impl Engine {
                 state: self.filter.slot(phone).and_then(|slot| self.filter.state(slot)),
             })
             .collect();
+        if let Some(unconstrained) = kept {
+            self.filter = unconstrained;
+        }
         FusedEpoch { time_gps, phones, actions, distances }
     }
 
@@ -128,6 +141,7 @@ impl Engine {
                 .add("epoch before the filter's time", || format!("{name} at {time}, {late_s:.3} s late"));
             return;
         }
+        self.drop_silent(message.time_gps);
         self.filter.predict(message.time_gps);
         let slot = self.filter.slot(phone);
         let lost = slot.is_some_and(|slot| self.filter.is_lost(slot));
@@ -141,38 +155,44 @@ impl Engine {
                         )
                     });
                 }
-                self.filter.insert(phone, message.time_gps, &Start::at_solution(solution));
+                self.filter.insert(
+                    phone,
+                    message.time_gps,
+                    &Start::at_solution(solution, message.raim.verdict),
+                );
             }
             (Some(slot), _) if !message.observations.is_empty() => {
                 self.filter.update(slot, &message.observations);
             }
             _ => {}
         }
+        self.remove_unsound(phone, message);
+    }
+
+    /// A state that is not finite or not positive any more costs the phone that brought it; only if that does not help, all.
+    /// Phones come back with their next solution.
+    fn remove_unsound(&mut self, phone: usize, message: &EpochMessage) {
+        if self.filter.is_sound() {
+            return;
+        }
+        let describe = || format!("state not sound after {} at {}", message.phone, message.time_gps);
+        if let Some(slot) = self.filter.slot(phone) {
+            self.filter.remove(slot);
+            self.skips.add("phone taken out of the filter", describe);
+        }
         if !self.filter.is_sound() {
-            self.restart(message);
+            self.filter = JointFilter::new(self.options.filter);
+            self.skips.add("joint filter restarted", describe);
         }
     }
 
-    /// Forgets a state that is not finite or not positive any more; phones come back with their next solution.
-    fn restart(&mut self, message: &EpochMessage) {
-        self.skips.add("joint filter restarted", || {
-            format!("state not sound after {} at {}", message.phone, message.time_gps)
-        });
-        self.filter = JointFilter::new(self.options.filter);
-    }
-
     /// Takes out phones that have been silent for too long to predict.
-    fn drop_silent(&mut self) {
-        for (phone, name) in self.phones.iter().enumerate() {
-            let Some(slot) = self.filter.slot(phone) else { continue };
-            let silence_s = self.filter.silence_s(slot);
-            if silence_s > self.options.filter.maximum_gap_s {
-                let time = self.filter.time_gps();
-                self.filter.remove(slot);
-                self.skips.add("silent phone dropped from the filter", || {
-                    format!("{name} at {time} after {silence_s:.1} s")
-                });
-            }
+    fn drop_silent(&mut self, time_gps: GpsTime) {
+        for (phone, silence_s) in self.filter.drop_silent(time_gps) {
+            let name = self.phones.get(phone).map_or("?", String::as_str);
+            self.skips.add("silent phone dropped from the filter", || {
+                format!("{name} at {time_gps} after {silence_s:.1} s")
+            });
         }
     }
 

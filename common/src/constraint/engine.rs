@@ -119,6 +119,8 @@ impl Engine<'_> {
         let mut change = 0.0f64;
         for index in 0..rows.len() {
             if turned.is_some() && !self.posterior.take_out(&mut task.sites[index]) {
+                // The site stays, and with it the row that it belongs to.
+                rows[index] = task.rows.and_then(|former| former[index]);
                 continue;
             }
             if let Constraint::Distance { phones, minimum_m, maximum_m } = task.constraint

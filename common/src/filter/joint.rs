@@ -5,7 +5,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use super::process::Step;
 use super::{FilterOptions, PhoneState, STATES_PER_PHONE};
 use crate::frames::{Ecef, EcefVector, LocalFrame};
-use crate::solve::PointSolution;
+use crate::integrity::Verdict;
+use crate::solve::{PointSolution, VelocitySolution};
 use crate::time::GpsTime;
 
 /// Predictions are made in steps of at most this, s.
@@ -15,13 +16,14 @@ const VERTICAL_VALID_M: f64 = 100.0;
 /// Standard deviations of a new phone's velocity without Doppler (m/s) and of its acceleration (m/s²).
 const NEW_VELOCITY_SIGMA_MPS: f64 = 15.0;
 const NEW_ACCELERATION_SIGMA_MPS2: f64 = 1.5;
-/// The same with a velocity from Doppler, m/s.
-const DOPPLER_VELOCITY_SIGMA_MPS: f64 = 1.0;
+/// Added to the standard deviation of a velocity from Doppler, m/s: one epoch may hold an outlier.
+const DOPPLER_FLOOR_MPS: f64 = 0.5;
 
 /// A phone is lost after this many updates in a row that rejected most of their pseudoranges.
 const LOST_AFTER: u32 = 5;
-/// Factor on the variance of the epoch-wise position that a phone starts from.
+/// Factors on the covariances of the epoch-wise solution that a phone starts from, by its verdict.
 const START_INFLATION: f64 = 4.0;
+const UNRELIABLE_INFLATION: f64 = 100.0;
 
 /// A Gaussian over the states of all phones that are present.
 ///
@@ -53,17 +55,24 @@ pub struct Start {
     pub position: Ecef,
     /// Covariance of the position, m².
     pub position_covariance: Matrix3<f64>,
-    /// Velocity, m/s, if it was measured.
-    pub velocity: Option<EcefVector>,
+    /// Velocity, if it was measured.
+    pub velocity: Option<VelocitySolution>,
 }
 
 impl Start {
-    /// From an epoch-wise solution, its covariance widened: one epoch may hold an outlier.
-    pub fn at_solution(solution: &PointSolution) -> Self {
+    /// From an epoch-wise solution, its covariances widened: one epoch may hold an outlier, and one that RAIM does not
+    /// call reliable probably does.
+    pub fn at_solution(solution: &PointSolution, verdict: Verdict) -> Self {
+        let inflation = if verdict == Verdict::Reliable { START_INFLATION } else { UNRELIABLE_INFLATION };
+        let floor = Matrix3::identity() * DOPPLER_FLOOR_MPS.powi(2);
+        let widened =
+            |v: VelocitySolution| VelocitySolution { covariance: v.covariance * inflation + floor, ..v };
+        // A velocity that is known worse than that of any car says nothing.
+        let useful = |v: &VelocitySolution| v.covariance.diagonal().max() < NEW_VELOCITY_SIGMA_MPS.powi(2);
         Self {
             position: solution.position,
-            position_covariance: solution.position_covariance * START_INFLATION,
-            velocity: solution.velocity,
+            position_covariance: solution.position_covariance * inflation,
+            velocity: solution.velocity.map(widened).filter(useful),
         }
     }
 }
@@ -100,11 +109,6 @@ impl JointFilter {
         self.slots.iter().position(|slot| slot.phone == phone)
     }
 
-    /// Seconds from a phone's last measurement to the filter's time.
-    pub fn silence_s(&self, slot: usize) -> f64 {
-        self.slots.get(slot).map_or(f64::INFINITY, |s| self.time_gps - s.measured)
-    }
-
     /// Adds a phone, independent of the others, at the filter's time (at `time_gps` when it is the first).
     pub fn insert(&mut self, phone: usize, time_gps: GpsTime, start: &Start) {
         if self.is_empty() {
@@ -119,16 +123,14 @@ impl JointFilter {
         self.covariance.resize_mut(n + states, n + states, 0.0);
         self.mean.fixed_rows_mut::<3>(n).copy_from(&start.position.0);
         self.covariance.fixed_view_mut::<3, 3>(n, n).copy_from(&start.position_covariance);
-        let velocity_sigma = match start.velocity {
-            Some(velocity) => {
-                self.mean.fixed_rows_mut::<3>(n + 3).copy_from(&velocity.0);
-                DOPPLER_VELOCITY_SIGMA_MPS
-            }
-            None => NEW_VELOCITY_SIGMA_MPS,
-        };
-        for axis in 0..3 {
-            self.covariance[(n + 3 + axis, n + 3 + axis)] = velocity_sigma.powi(2);
-            self.covariance[(n + 6 + axis, n + 6 + axis)] = NEW_ACCELERATION_SIGMA_MPS2.powi(2);
+        let unknown = Matrix3::identity() * NEW_VELOCITY_SIGMA_MPS.powi(2);
+        let velocity = start
+            .velocity
+            .unwrap_or(VelocitySolution { velocity: EcefVector::new(0.0, 0.0, 0.0), covariance: unknown });
+        self.mean.fixed_rows_mut::<3>(n + 3).copy_from(&velocity.velocity.0);
+        self.covariance.fixed_view_mut::<3, 3>(n + 3, n + 3).copy_from(&velocity.covariance);
+        for axis in n + 6..n + 9 {
+            self.covariance[(axis, axis)] = NEW_ACCELERATION_SIGMA_MPS2.powi(2);
         }
         let up = LocalFrame::at(start.position).up();
         self.slots.push(Slot { phone, up, up_at: start.position, measured: time_gps, rejecting: 0 });
@@ -147,7 +149,26 @@ impl JointFilter {
         self.covariance = covariance.remove_rows(at, states).remove_columns(at, states);
     }
 
-    /// Predicts all phones to `time_gps`; a time at or before the filter's leaves it alone.
+    /// Takes out the phones that were last measured longer than the largest gap before `time_gps`: nothing can be said of
+    /// them any more. Returns their numbers and how long they were silent, s.
+    pub fn drop_silent(&mut self, time_gps: GpsTime) -> Vec<(usize, f64)> {
+        let limit_s = self.options.maximum_gap_s;
+        let silent: Vec<(usize, f64)> = self
+            .slots
+            .iter()
+            .map(|slot| (slot.phone, time_gps - slot.measured))
+            .filter(|(_, silence_s)| *silence_s > limit_s)
+            .collect();
+        for (phone, _) in &silent {
+            if let Some(slot) = self.slot(*phone) {
+                self.remove(slot);
+            }
+        }
+        silent
+    }
+
+    /// Predicts all phones to `time_gps`; a time at or before the filter's leaves it alone. Phones that are silent for too long
+    /// are to be taken out before ([`JointFilter::drop_silent`]): this bounds the prediction.
     pub fn predict(&mut self, time_gps: GpsTime) {
         let total_s = time_gps - self.time_gps;
         if total_s <= 0.0 || self.is_empty() {
@@ -156,7 +177,7 @@ impl JointFilter {
         let steps = (total_s / LONGEST_STEP_S).ceil().max(1.0);
         let step = Step::new(total_s / steps, &self.options.process);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        // silent phones are removed long before
+        // a few, after `drop_silent`
         for _ in 0..steps as u64 {
             self.advance(&step);
         }

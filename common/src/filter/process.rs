@@ -1,14 +1,33 @@
 //! Prediction of one phone: position, velocity and a decaying acceleration driven by white jerk.
 //!
-//! For Δt, with τ the acceleration's time constant and d = e^(−Δt/τ),
-//! F = [1 Δt τ²(Δt/τ − 1 + d); 0 1 τ(1 − d); 0 0 d] ⊗ I₃, which is Peng Eq. 22 as τ → ∞. The noise of a white jerk of
-//! spectral density q is q·[Δt⁵/20 Δt⁴/8 Δt³/6; Δt⁴/8 Δt³/3 Δt²/2; Δt³/6 Δt²/2 Δt]: Eq. 21 with σ_a² = q·Δt, so that a
-//! second in two steps gains the same noise as in one. With a finite τ it is exact to first order in Δt/τ; the filter
-//! takes steps of at most a second.
+//! For Δt, with τ the acceleration's time constant, a jerk impulse at s before the end leaves g_a = e^(−s/τ) in the
+//! acceleration, g_v = τ(1 − e^(−s/τ)) in the velocity and g_r = τ²(s/τ − 1 + e^(−s/τ)) in the position. So
+//! F = [1 Δt g_r(Δt); 0 1 g_v(Δt); 0 0 g_a(Δt)] ⊗ I₃, Peng Eq. 22 as τ → ∞, and the noise of a white jerk of spectral
+//! density q is Q_ij = q∫₀^Δt g_i g_j ds. As τ → ∞ that is q·[Δt⁵/20 Δt⁴/8 Δt³/6; Δt⁴/8 Δt³/3 Δt²/2; Δt³/6 Δt²/2 Δt]:
+//! Eq. 21 with σ_a² = q·Δt. A second in two steps gains the same noise as in one.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::ProcessNoise;
+
+/// Nodes and weights of Gauss-Legendre quadrature on (0, 1), exact for polynomials up to degree 9.
+const QUADRATURE: [(f64, f64); 5] = [
+    (0.046_910_077_030_668, 0.118_463_442_528_094_5),
+    (0.230_765_344_947_158_45, 0.239_314_335_249_683_24),
+    (0.5, 0.284_444_444_444_444_44),
+    (0.769_234_655_052_841_5, 0.239_314_335_249_683_24),
+    (0.953_089_922_969_332, 0.118_463_442_528_094_5),
+];
+
+/// What a unit jerk impulse leaves behind after a time: position, velocity, acceleration.
+fn response(after_s: f64, time_constant_s: f64) -> [f64; 3] {
+    let x = after_s / time_constant_s;
+    let lost = -(-x).exp_m1();
+    // x − (1 − e^(−x)) cancels for small x.
+    let curvature = if x < 1e-3 { 0.5 - x / 6.0 + x * x / 24.0 } else { (x - lost) / (x * x) };
+    let slope = if x < 1e-9 { 1.0 } else { lost / x };
+    [curvature * after_s * after_s, slope * after_s, 1.0 - lost]
+}
 
 /// The scalar coefficients of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,27 +36,24 @@ pub(super) struct Step {
     position_from_acceleration: f64,
     velocity_from_acceleration: f64,
     decay: f64,
+    /// ∫ g_i g_j for position, velocity and acceleration.
+    noise: [[f64; 3]; 3],
 }
 
 impl Step {
-    pub fn new(dt_s: f64, noise: &ProcessNoise) -> Self {
-        let tau = noise.acceleration_time_s;
-        let x = dt_s / tau;
-        if x < 1e-6 {
-            return Self {
-                dt_s,
-                position_from_acceleration: 0.5 * dt_s * dt_s,
-                velocity_from_acceleration: dt_s,
-                decay: 1.0 - x,
-            };
+    pub fn new(dt_s: f64, process: &ProcessNoise) -> Self {
+        let tau = process.acceleration_time_s;
+        let [position_from_acceleration, velocity_from_acceleration, decay] = response(dt_s, tau);
+        let mut noise = [[0.0; 3]; 3];
+        for (node, weight) in QUADRATURE {
+            let g = response(node * dt_s, tau);
+            for (row, gi) in noise.iter_mut().zip(g) {
+                for (element, gj) in row.iter_mut().zip(g) {
+                    *element += weight * dt_s * (gi * gj);
+                }
+            }
         }
-        let decay = (-x).exp();
-        Self {
-            dt_s,
-            position_from_acceleration: tau * tau * (x - 1.0 + decay),
-            velocity_from_acceleration: tau * (1.0 - decay),
-            decay,
-        }
+        Self { dt_s, position_from_acceleration, velocity_from_acceleration, decay, noise }
     }
 
     /// x ← Fx for every phone.
@@ -95,14 +111,7 @@ impl Step {
     ) {
         let density = Matrix3::identity() * noise.horizontal_m2ps5
             + up * up.transpose() * (noise.vertical_m2ps5 - noise.horizontal_m2ps5);
-        let t = self.dt_s;
-        let (t2, t3) = (t * t, t * t * t);
-        let blocks = [
-            [t3 * t2 / 20.0, t2 * t2 / 8.0, t3 / 6.0],
-            [t2 * t2 / 8.0, t3 / 3.0, t2 / 2.0],
-            [t3 / 6.0, t2 / 2.0, t],
-        ];
-        for (i, row) in blocks.iter().enumerate() {
+        for (i, row) in self.noise.iter().enumerate() {
             for (j, factor) in row.iter().enumerate() {
                 let mut block = covariance.fixed_view_mut::<3, 3>(offset + 3 * i, offset + 3 * j);
                 block += density * *factor;
@@ -147,18 +156,22 @@ mod tests {
     fn two_steps_equal_one() {
         let (half, whole) = (Step::new(0.5, &CAR), Step::new(1.0, &CAR));
         assert!((transition(&half) * transition(&half) - transition(&whole)).norm() < 1e-12);
-        let constant = ProcessNoise { acceleration_time_s: f64::INFINITY, ..CAR };
         let up = Vector3::new(0.0, 0.6, 0.8);
-        let noise = |steps: i32| {
-            let step = Step::new(1.0 / f64::from(steps), &constant);
+        let noise = |process: &ProcessNoise, steps: i32| {
+            let step = Step::new(1.0 / f64::from(steps), process);
             let mut covariance = DMatrix::zeros(9, 9);
             for _ in 0..steps {
                 step.advance_covariance(&mut covariance);
-                step.add_noise(&mut covariance, 0, &up, &constant);
+                step.add_noise(&mut covariance, 0, &up, process);
             }
             covariance
         };
-        assert!((noise(1) - noise(4)).norm() < 1e-12, "white jerk does not care about the step");
-        assert!((noise(1)[(0, 0)] - 0.5 / 20.0).abs() < 1e-12, "horizontal axis, Eq. 21");
+        for acceleration_time_s in [0.5, 4.0, 100.0, f64::INFINITY] {
+            let process = ProcessNoise { acceleration_time_s, ..CAR };
+            let difference = (noise(&process, 1) - noise(&process, 4)).amax();
+            assert!(difference < 1e-7, "{acceleration_time_s}: {difference}");
+        }
+        let constant = ProcessNoise { acceleration_time_s: f64::INFINITY, ..CAR };
+        assert!((noise(&constant, 1)[(0, 0)] - 0.5 / 20.0).abs() < 1e-12, "horizontal axis, Eq. 21");
     }
 }

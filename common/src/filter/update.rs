@@ -1,5 +1,8 @@
 //! Measurement update of one phone: code and Doppler, clocks eliminated, innovations weighted robustly.
 //!
+//! Innovations are weighted against the variance of the measurement and of the predicted position; that of the clock, which is
+//! estimated from the same few innovations, is left out.
+//!
 //! A phone's rows are first compressed to its own three position (or velocity) states: with the clocks eliminated,
 //! the information of the epoch is (A, b), A = Σ w h̃h̃ᵀ. With A = LLᵀ the rows z = L⁻¹b, H = Lᵀ have unit noise and
 //! are applied one by one in Joseph form; the joint covariance never meets more than three rows per kind.
@@ -62,7 +65,9 @@ impl JointFilter {
             .collect();
         self.weight(slot * STATES_PER_PHONE + VELOCITY, &mut rows, 1);
         report.rate_nis = self.apply(slot * STATES_PER_PHONE + VELOCITY, &Eliminated::new(&rows, 1));
-        self.mark_measured(slot, report.code_used, observations.len());
+        if report.code_nis.1 + report.rate_nis.1 > 0 {
+            self.mark_measured(slot, report.code_used, observations.len());
+        }
         report
     }
 

@@ -61,11 +61,6 @@ impl SignalCode {
     pub fn wavelength_m(self, constellation: Constellation, glonass_channel: Option<i8>) -> Option<f64> {
         self.frequency_hz(constellation, glonass_channel).map(|f| SPEED_OF_LIGHT_MPS / f)
     }
-
-    /// Whether this is the system's first civil band (L1, E1, B1I/B1C, G1), which every phone has.
-    pub const fn is_primary(self, constellation: Constellation) -> bool {
-        matches!((constellation, self.band), (Constellation::Beidou, b'1' | b'2') | (_, b'1'))
-    }
 }
 
 impl fmt::Display for SignalCode {

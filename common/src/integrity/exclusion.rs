@@ -1,11 +1,14 @@
 //! Fault detection and exclusion, one measurement at a time (Cappello 2023; Baarda's local test).
+//!
+//! This is the forward half of the paper's Forward-Backward scheme: nothing excluded is put back, and there is no search over
+//! subsets.
 
 use super::{Cause, GlobalTest, RaimReport, Verdict};
 use crate::frames::Ecef;
 use crate::measurement::{CorrectedObservation, Usage};
 use crate::solve::{Dops, Fit, SolveError, solve_position};
 use crate::statistics::ChiSquareThresholds;
-use crate::statistics::normal::two_sided_quantile;
+use crate::statistics::normal::two_sided_threshold;
 
 /// Limits of the tests.
 #[derive(Clone, Debug)]
@@ -111,14 +114,14 @@ fn global_test(fit: &Fit, options: &RaimOptions) -> Option<GlobalTest> {
 /// The observation to exclude: the largest |w_i| = |r_i|/√(C_v)_ii that fails the local test, unless another failing
 /// one is so correlated with it that the two cannot be told apart.
 fn excludable(fit: &Fit, options: &RaimOptions) -> Option<usize> {
-    let quantile = two_sided_quantile(1.0 - options.local_false_alarm);
+    let threshold = two_sided_threshold(options.local_false_alarm);
     let mut failing: Vec<(usize, f64)> = (0..fit.len())
         .filter_map(|i| {
             let variance = fit.residual_covariance(i, i);
             // A measurement alone on its clock has a residual of zero with zero variance: nothing to test.
             let checkable = variance * fit.weight(i) > 1e-9;
             let w = fit.residual_m(i).abs() / variance.sqrt();
-            (checkable && w > quantile).then_some((i, w))
+            (checkable && w > threshold).then_some((i, w))
         })
         .collect();
     failing.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -163,6 +166,51 @@ mod tests {
             assert_eq!(observations[faulty].usage, Usage::Excluded);
             assert!(monitored.fit.unwrap().position().distance_m(receiver.position) < 1e-3);
         }
+    }
+
+    const SIGNS: [f64; 12] = [1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
+
+    /// Residuals that all pass the local test although the global test fails: no single measurement is to blame.
+    #[test]
+    fn spread_out_errors_are_not_blamed_on_one_measurement() {
+        let receiver = Receiver::in_wuhan();
+        let disturbed = |scale: f64| {
+            let mut observations = receiver.observe(&OPEN_SKY_DEG);
+            for (observation, sign) in observations.iter_mut().zip(SIGNS) {
+                observation.pseudorange_m += scale * sign * observation.pseudorange_sigma_m;
+            }
+            observations
+        };
+        let largest = |observations: &[CorrectedObservation]| {
+            let fit = solve_position(observations, receiver.position).unwrap();
+            let normalised = |i: usize| fit.residual_m(i).abs() / fit.residual_covariance(i, i).sqrt();
+            (0..fit.len()).map(normalised).fold(0.0, f64::max)
+        };
+        // Residuals are linear in the errors: this scale brings the largest just below the local threshold of 3.29.
+        let mut observations = disturbed(3.28 / largest(&disturbed(1.0)));
+        assert!(largest(&observations) < 3.29);
+        let monitored = monitor(&mut observations);
+        let test = monitored.report.global_test.unwrap();
+        assert!(test.statistic > test.threshold, "{test:?}");
+        assert_eq!(monitored.report.verdict, Verdict::Unreliable(Cause::TestsFailed));
+        assert_eq!(monitored.report.excluded, 0);
+    }
+
+    #[test]
+    fn two_that_cannot_be_told_apart_are_both_kept() {
+        // Two satellites of a constellation of their own share its clock: their residuals are each other's negative.
+        let mut sky = OPEN_SKY_DEG[..9].to_vec();
+        sky.extend([(100.0, 30.0), (250.0, 40.0)]);
+        let receiver = Receiver { clocks_m: [150.0; 3], ..Receiver::in_wuhan() };
+        let mut observations = receiver.observe(&sky);
+        for (i, observation) in observations.iter_mut().enumerate() {
+            observation.satellite.constellation =
+                if i < 9 { crate::gnss::Constellation::Gps } else { crate::gnss::Constellation::Beidou };
+        }
+        observations[9].pseudorange_m += 60.0;
+        let report = monitor(&mut observations).report;
+        assert_eq!(report.verdict, Verdict::Unreliable(Cause::TestsFailed));
+        assert_eq!(report.excluded, 0);
     }
 
     #[test]

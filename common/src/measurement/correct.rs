@@ -73,7 +73,7 @@ impl Corrector {
         Self { products, options, skips: Skips::default() }
     }
 
-    /// What was skipped so far, by reason.
+    /// What [`Corrector::prepare`] skipped so far, by reason.
     pub const fn skips(&self) -> &Skips {
         &self.skips
     }
@@ -177,26 +177,28 @@ impl Corrector {
         }
     }
 
-    /// Corrected observations as seen from `position`: Sagnac rotation, direction, masks, atmosphere, sigmas.
+    /// Corrected observations as seen from `position`: Sagnac rotation, direction, masks, atmosphere, sigmas; and what the
+    /// masks took, which counts only if this position stands.
     pub fn finish(
-        &mut self,
+        &self,
         prepared: &[PreparedObservation],
         position: Ecef,
         time_gps: GpsTime,
-    ) -> Vec<CorrectedObservation> {
+    ) -> (Vec<CorrectedObservation>, Skips) {
+        let mut masked = Skips::default();
         let view = View { frame: LocalFrame::at(position), time_gps, options: self.options };
         let mut corrected = Vec::with_capacity(prepared.len());
         for observation in prepared {
             let seen = view.see(observation);
             if seen.direction.elevation_rad < self.options.elevation_mask_rad {
-                self.skips.add("elevation below the mask", || {
+                masked.add("elevation below the mask", || {
                     format!("{} at {time_gps}", observation.observation.satellite)
                 });
                 continue;
             }
             corrected.push(view.correct(observation, &seen, &self.products));
         }
-        corrected
+        (corrected, masked)
     }
 }
 

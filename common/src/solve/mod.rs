@@ -23,12 +23,21 @@ pub struct PointSolution {
     pub position_covariance: Matrix3<f64>,
     /// Receiver clock of each group in use, m.
     pub clocks_m: Vec<(ClockGroup, f64)>,
-    /// Velocity from Doppler, m/s, when enough range rates were there.
-    pub velocity: Option<EcefVector>,
+    /// Velocity from Doppler, when enough range rates were there.
+    pub velocity: Option<VelocitySolution>,
     /// Dilution of precision of the satellites used.
     pub dops: Dops,
     /// Signals used.
     pub used: u16,
+}
+
+/// An epoch-wise velocity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct VelocitySolution {
+    /// Velocity, m/s.
+    pub velocity: EcefVector,
+    /// Its covariance in ECEF by the stochastic model, m²/s².
+    pub covariance: Matrix3<f64>,
 }
 
 /// Dilution of precision with one clock per group.

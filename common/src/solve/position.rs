@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, U3, Vector3};
 
 use super::elimination::{Eliminated, Row};
 use super::groups::ClockGroups;
-use super::{Dops, PointSolution};
+use super::{Dops, PointSolution, VelocitySolution};
 use crate::frames::{Ecef, EcefVector, LocalFrame};
 use crate::measurement::{CorrectedObservation, Usage};
 
@@ -185,7 +185,7 @@ impl Fit {
     }
 
     /// The solution as it is published; `None` when the dilution of precision cannot be computed.
-    pub fn to_solution(&self, velocity: Option<EcefVector>) -> Option<PointSolution> {
+    pub fn to_solution(&self, velocity: Option<VelocitySolution>) -> Option<PointSolution> {
         Some(PointSolution {
             position: self.position,
             position_covariance: self.factor.inverse(),

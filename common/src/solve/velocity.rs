@@ -1,5 +1,6 @@
 //! Velocity and clock drift from Doppler.
 
+use super::VelocitySolution;
 use super::elimination::{Eliminated, Row};
 use super::position::line_of_sight;
 use crate::frames::{Ecef, EcefVector};
@@ -11,7 +12,7 @@ const OUTLIER_SIGMAS: f64 = 4.0;
 /// Velocity by weighted least squares from the range rates of the observations in use, one clock drift for all of them
 /// (all signals share the phone's oscillator). Residuals beyond four σ go, worst first, while redundancy lasts.
 /// `None` when fewer than four range rates or a singular geometry is left.
-pub fn solve_velocity(observations: &[CorrectedObservation], position: Ecef) -> Option<EcefVector> {
+pub fn solve_velocity(observations: &[CorrectedObservation], position: Ecef) -> Option<VelocitySolution> {
     let mut rows: Vec<Row> = observations
         .iter()
         .filter(|o| o.usage == Usage::Used)
@@ -22,7 +23,8 @@ pub fn solve_velocity(observations: &[CorrectedObservation], position: Ecef) -> 
             return None;
         }
         let eliminated = Eliminated::new(&rows, 1);
-        let velocity = eliminated.factor()?.solve(&eliminated.rhs);
+        let factor = eliminated.factor()?;
+        let velocity = factor.solve(&eliminated.rhs);
         let drift = eliminated.clock(0, &velocity);
         let worst = rows
             .iter()
@@ -30,7 +32,8 @@ pub fn solve_velocity(observations: &[CorrectedObservation], position: Ecef) -> 
             .enumerate()
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
         if rows.len() == 4 || worst.1 < OUTLIER_SIGMAS * OUTLIER_SIGMAS {
-            return velocity.iter().all(|v| v.is_finite()).then_some(EcefVector(velocity));
+            let solution = VelocitySolution { velocity: EcefVector(velocity), covariance: factor.inverse() };
+            return solution.velocity.is_finite().then_some(solution);
         }
         rows.swap_remove(worst.0);
     }
@@ -57,7 +60,7 @@ mod tests {
     fn the_true_velocity_comes_back() {
         let receiver = Receiver::in_wuhan();
         let observations = receiver.observe(&OPEN_SKY_DEG);
-        let velocity = solve_velocity(&observations, receiver.position).unwrap();
+        let velocity = solve_velocity(&observations, receiver.position).unwrap().velocity;
         assert!((velocity.0 - receiver.velocity.0).norm() < 1e-9);
     }
 
@@ -66,7 +69,7 @@ mod tests {
         let receiver = Receiver::in_wuhan();
         let mut observations = receiver.observe(&OPEN_SKY_DEG);
         observations[4].range_rate.as_mut().unwrap().range_rate_mps += 30.0;
-        let velocity = solve_velocity(&observations, receiver.position).unwrap();
+        let velocity = solve_velocity(&observations, receiver.position).unwrap().velocity;
         assert!((velocity.0 - receiver.velocity.0).norm() < 1e-9);
     }
 

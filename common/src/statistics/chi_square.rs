@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use puruspe::erfcx;
 
-use super::normal::two_sided_quantile;
+use super::normal::two_sided_threshold;
 
 /// ln Q(x; k) and the hazard, −d ln Q/dy with y = x/2.
 fn log_upper_tail(y: f64, dof: usize) -> (f64, f64) {
@@ -55,7 +55,7 @@ pub fn chi_square_threshold(false_alarm_probability: f64, dof: usize) -> f64 {
         return f64::NAN;
     }
     if dof == 1 {
-        return two_sided_quantile(false_alarm_probability).powi(2);
+        return two_sided_threshold(false_alarm_probability).powi(2);
     }
     let target = false_alarm_probability.ln();
     // ln Q is concave and falling (dof ≥ 2). Left of the root Newton lands right of it or on it once, and then

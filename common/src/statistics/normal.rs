@@ -32,7 +32,7 @@ pub fn log_cdf(x: f64) -> f64 {
 
 /// The x > 0 that a standard normal variable exceeds in absolute value with this probability: the threshold of
 /// a two-sided test. Infinite for probability 0, zero for 1, NaN outside of [0, 1].
-pub fn two_sided_quantile(probability: f64) -> f64 {
+pub fn two_sided_threshold(probability: f64) -> f64 {
     if probability == 0.0 {
         return f64::INFINITY;
     }
@@ -72,18 +72,18 @@ mod tests {
     }
 
     #[test]
-    fn two_sided_quantiles() {
+    fn two_sided_thresholds() {
         for (probability, x) in [
             (0.05, 1.959_963_984_540_054),
             (1e-3, 3.290_526_731_491_895),
             (1e-7, 5.326_723_886_384_496),
             (0.5, 0.674_489_750_196_081_7),
         ] {
-            assert!((two_sided_quantile(probability) / x - 1.0).abs() < 1e-14, "{probability}");
+            assert!((two_sided_threshold(probability) / x - 1.0).abs() < 1e-14, "{probability}");
         }
-        assert_eq!(two_sided_quantile(1.0), 0.0);
-        assert_eq!(two_sided_quantile(0.0), f64::INFINITY);
-        assert!(two_sided_quantile(1.5).is_nan() && two_sided_quantile(f64::NAN).is_nan());
-        assert!((two_sided_quantile(1e-300) - 37.0).abs() < 0.2);
+        assert_eq!(two_sided_threshold(1.0), 0.0);
+        assert_eq!(two_sided_threshold(0.0), f64::INFINITY);
+        assert!(two_sided_threshold(1.5).is_nan() && two_sided_threshold(f64::NAN).is_nan());
+        assert!((two_sided_threshold(1e-300) - 37.0).abs() < 0.2);
     }
 }

@@ -8,7 +8,7 @@ use crate::frames::{Direction, Ecef, EcefVector};
 use crate::gnss::{ClockGroup, Constellation, SatelliteId, SignalCode};
 use crate::integrity::{GlobalTest, RaimReport, Verdict};
 use crate::measurement::{CorrectedObservation, RangeRate, Usage};
-use crate::solve::{Dops, PointSolution};
+use crate::solve::{Dops, PointSolution, VelocitySolution};
 use crate::time::GpsTime;
 
 /// A plausible observation of a GPS satellite.
@@ -41,7 +41,10 @@ pub(super) fn message(count: u8) -> EpochMessage {
             position: Ecef::new(-2.27e6, 5.01e6, 3.22e6),
             position_covariance: Matrix3::identity() * 4.0,
             clocks_m: vec![(groups, 71_234.5)],
-            velocity: Some(EcefVector::new(5.0, -3.0, 1.0)),
+            velocity: Some(VelocitySolution {
+                velocity: EcefVector::new(5.0, -3.0, 1.0),
+                covariance: Matrix3::identity() * 0.04,
+            }),
             dops: Dops { gdop: 2.5, pdop: 2.0, hdop: 1.1, vdop: 1.7 },
             used: u16::from(count),
         }),

@@ -8,12 +8,14 @@ use std::fmt;
 use std::ops::RangeInclusive;
 
 use super::{EpochMessage, KeyNameError, check_name};
+use nalgebra::{Cholesky, SMatrix};
+
 use crate::filter::PhoneState;
 use crate::frames::Ecef;
 use crate::gnss::{SatelliteId, SignalCode};
 use crate::measurement::CorrectedObservation;
 use crate::skips::Skips;
-use crate::solve::PointSolution;
+use crate::solve::{PointSolution, VelocitySolution};
 use crate::time::GpsTime;
 
 /// Most observations in one message; a phone sees about 60 signals.
@@ -22,7 +24,8 @@ pub const MAXIMUM_OBSERVATIONS: usize = 256;
 /// 2200-01-01 00:00:00 GPST.
 const LATEST_NANOS: i64 = 6_942_153_600_000_000_000;
 const PSEUDORANGE_M: RangeInclusive<f64> = 1e6..=1e9;
-const SIGMA: RangeInclusive<f64> = f64::MIN_POSITIVE..=1e4;
+/// A sigma below a millimetre (or mm/s) would silence all other measurements of its phone.
+const SIGMA: RangeInclusive<f64> = 1e-3..=1e4;
 const RANGE_RATE_MPS: RangeInclusive<f64> = -2e4..=2e4;
 const SATELLITE_RADIUS_M: RangeInclusive<f64> = 6.4e6..=6e7;
 const SATELLITE_SPEED_MPS: RangeInclusive<f64> = 0.0..=2e4;
@@ -31,7 +34,9 @@ const ANGLE_RAD: RangeInclusive<f64> = -7.0..=7.0;
 const RESIDUAL_M: RangeInclusive<f64> = -1e9..=1e9;
 const COORDINATE_M: RangeInclusive<f64> = -1e8..=1e8;
 const SPEED_MPS: RangeInclusive<f64> = -1e5..=1e5;
-const VARIANCE: RangeInclusive<f64> = 0.0..=f64::MAX;
+const POSITIVE: RangeInclusive<f64> = 0.0..=f64::MAX;
+/// Variances of positions (m²), velocities and accelerations: a tenth of a millimetre to a thousand kilometres.
+const VARIANCE: RangeInclusive<f64> = 1e-8..=1e12;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
 
 /// A value outside the range in which it can be true; NaN is outside every range.
@@ -221,8 +226,8 @@ impl EpochMessage {
             Part::Wls => self.wls.as_ref().map(check_solution),
             Part::Local => self.local.as_ref().map(check_state),
             Part::GlobalTest => self.raim.global_test.map(|test| {
-                within("test statistic", test.statistic, VARIANCE)?;
-                within("test threshold", test.threshold, VARIANCE)
+                within("test statistic", test.statistic, POSITIVE)?;
+                within("test threshold", test.threshold, POSITIVE)
             }),
         };
         checked.unwrap_or(Ok(())).map_err(|implausible| InvalidMessage::Part {
@@ -263,22 +268,36 @@ fn check_observation(o: &CorrectedObservation) -> Result<(), Implausible> {
 
 fn check_solution(solution: &PointSolution) -> Result<(), Implausible> {
     check_position(solution.position)?;
-    check_all("position covariance (m²)", solution.position_covariance.iter(), FINITE)?;
-    check_all("position variance (m²)", solution.position_covariance.diagonal().iter(), VARIANCE)?;
+    check_covariance("position covariance (m²)", &solution.position_covariance)?;
     check_all("receiver clock (m)", solution.clocks_m.iter().map(|(_, clock_m)| clock_m), FINITE)?;
-    if let Some(velocity) = solution.velocity {
+    if let Some(VelocitySolution { velocity, covariance }) = &solution.velocity {
         check_all("velocity (m/s)", velocity.0.iter(), SPEED_MPS)?;
+        check_covariance("velocity covariance (m²/s²)", covariance)?;
     }
     let dops = solution.dops;
-    check_all("dilution of precision", [dops.gdop, dops.pdop, dops.hdop, dops.vdop].iter(), VARIANCE)
+    check_all("dilution of precision", [dops.gdop, dops.pdop, dops.hdop, dops.vdop].iter(), POSITIVE)
 }
 
 fn check_state(state: &PhoneState) -> Result<(), Implausible> {
     check_position(state.position())?;
     check_all("velocity (m/s)", state.velocity().0.iter(), SPEED_MPS)?;
     check_all("state", state.mean.iter(), FINITE)?;
-    check_all("state covariance", state.covariance.iter(), FINITE)?;
-    check_all("state variance", state.covariance.diagonal().iter(), VARIANCE)
+    check_covariance("state covariance", &state.covariance)
+}
+
+/// Variances in range, symmetric to rounding, positive definite.
+fn check_covariance<const N: usize>(
+    quantity: &'static str,
+    covariance: &SMatrix<f64, N, N>,
+) -> Result<(), Implausible> {
+    check_all(quantity, covariance.iter(), FINITE)?;
+    check_all(quantity, covariance.diagonal().iter(), VARIANCE)?;
+    let largest = covariance.amax();
+    let asymmetry = (covariance - covariance.transpose()).amax() / largest;
+    within("asymmetry of a covariance", asymmetry, 0.0..=1e-9)?;
+    // Ones and zeros stand for yes and no: a matrix that has no Cholesky factor is no covariance.
+    let is_definite = Cholesky::new(*covariance).is_some();
+    within("definiteness of a covariance", f64::from(u8::from(is_definite)), 1.0..=1.0)
 }
 
 fn check_position(position: Ecef) -> Result<(), Implausible> {

@@ -78,9 +78,12 @@ fn the_second_observation_of_a_signal_goes() {
 
 #[test]
 fn bad_parts_go_alone() {
-    let spoils: [(Part, SpoilMessage); 7] = [
+    let spoils: [(Part, SpoilMessage); 10] = [
         (Part::Wls, |m| m.wls.as_mut().unwrap().position.0.x = 2e8),
         (Part::Wls, |m| m.wls.as_mut().unwrap().position_covariance[(1, 1)] = -1.0),
+        (Part::Wls, |m| m.wls.as_mut().unwrap().position_covariance.fill(0.0)),
+        (Part::Wls, |m| m.wls.as_mut().unwrap().position_covariance[(0, 1)] += 1.0),
+        (Part::Wls, |m| m.wls.as_mut().unwrap().position_covariance.fill(1.0)),
         (Part::Wls, |m| m.wls.as_mut().unwrap().dops.pdop = f64::NAN),
         (Part::Wls, |m| m.wls.as_mut().unwrap().clocks_m[0].1 = f64::INFINITY),
         (Part::Local, |m| m.local.as_mut().unwrap().mean[8] = f64::NAN),
