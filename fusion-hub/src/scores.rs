@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use cofix_common::accuracy::{Accuracy, Solution, Truth, score};
+use cofix_common::filter::PhoneState;
 use cofix_common::frames::Ecef;
 use cofix_common::time::GpsTime;
 use serde::Serialize;
@@ -100,10 +101,14 @@ impl PhoneScores {
             let time = message.time_gps;
             let (first, last) = self.span.unwrap_or((time, time));
             self.span = Some((first.min(time), last.max(time)));
-            self.wls.extend(message.wls.as_ref().map(|solution| (time, solution.position)));
-            self.local.extend(message.local.as_ref().map(|state| (time, state.position())));
+            self.wls.extend(message.wls.as_ref().map(|solution| Solution {
+                time_gps: time,
+                position: solution.position,
+                covariance: solution.position_covariance,
+            }));
+            self.local.extend(message.local.as_ref().map(|state| claimed(time, state)));
         }
-        self.joint.extend(phone.state.as_ref().map(|state| (time_gps, state.position())));
+        self.joint.extend(phone.state.as_ref().map(|state| claimed(time_gps, state)));
     }
 
     fn position_at(&self, time: GpsTime, qualities: &[u8]) -> Option<Ecef> {
@@ -113,6 +118,11 @@ impl PhoneScores {
     fn accuracy(&self, qualities: &[u8], solutions: &[Solution]) -> Option<Accuracy> {
         score(self.truth.as_ref()?, qualities, self.span?, solutions)
     }
+}
+
+fn claimed(time_gps: GpsTime, state: &PhoneState) -> Solution {
+    let covariance = state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    Solution { time_gps, position: state.position(), covariance }
 }
 
 /// Why a truth has no row for a recording, if so.

@@ -1,13 +1,22 @@
 //! Errors of a series of positions against truth.
 
+use nalgebra::{Cholesky, Matrix3, Vector2};
 use serde::Serialize;
 
 use super::Truth;
 use crate::frames::{Ecef, Enu, LocalFrame};
 use crate::time::GpsTime;
 
-/// A position at an instant.
-pub type Solution = (GpsTime, Ecef);
+/// A position at an instant, as it was claimed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solution {
+    /// The instant.
+    pub time_gps: GpsTime,
+    /// The position, m.
+    pub position: Ecef,
+    /// Its covariance in ECEF, m².
+    pub covariance: Matrix3<f64>,
+}
 
 /// Accuracy of one phone by one method. Percentiles interpolate linearly between order statistics.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -30,6 +39,19 @@ pub struct Accuracy {
     pub rmse_up_m: f64,
     /// Root mean square horizontal error, m.
     pub rmse_2d_m: f64,
+    /// Mean normalised estimation error squared of the horizontal position; 2 when the covariance is right, more when it
+    /// promises too much.
+    pub nees_horizontal: f64,
+    /// The same of the height; 1 when the covariance is right.
+    pub nees_up: f64,
+}
+
+/// An error and how it compares with its covariance.
+#[derive(Clone, Copy, Debug)]
+struct Scored {
+    error: Enu,
+    nees_horizontal: f64,
+    nees_up: f64,
 }
 
 /// Scores `solutions` (in order of time) against `truth` for a recording that spans `recording`.
@@ -46,43 +68,47 @@ pub fn score(
     let half_s = truth.interval_s() / 2.0;
     let inside = |time: GpsTime| time >= recording.0 - half_s && time <= recording.1 + half_s;
     let mut expected = 0_usize;
-    let mut errors = Vec::new();
+    let mut scored = Vec::new();
     for time in truth.times(qualities).filter(|t| inside(*t)) {
         expected += 1;
-        let nearest = nearest(solutions, time).filter(|(t, _)| (*t - time).abs() <= half_s);
-        errors.extend(nearest.and_then(|solution| error(truth, qualities, solution)));
+        let nearest = nearest(solutions, time).filter(|s| (s.time_gps - time).abs() <= half_s);
+        scored.extend(nearest.and_then(|solution| compare(truth, qualities, solution)));
     }
-    Accuracy::of(&errors, expected)
+    Accuracy::of(&scored, expected)
 }
 
-fn nearest(solutions: &[Solution], time: GpsTime) -> Option<Solution> {
-    let after = solutions.partition_point(|(t, _)| *t < time);
+fn nearest(solutions: &[Solution], time: GpsTime) -> Option<&Solution> {
+    let after = solutions.partition_point(|s| s.time_gps < time);
     let candidates = [after.checked_sub(1), Some(after)];
     candidates
         .into_iter()
         .flatten()
-        .filter_map(|i| solutions.get(i).copied())
-        .min_by(|a, b| (a.0 - time).abs().total_cmp(&(b.0 - time).abs()))
+        .filter_map(|i| solutions.get(i))
+        .min_by(|a, b| (a.time_gps - time).abs().total_cmp(&(b.time_gps - time).abs()))
 }
 
-fn error(truth: &Truth, qualities: &[u8], (time, position): Solution) -> Option<Enu> {
-    let reference = truth.at(time, qualities)?;
-    Some(LocalFrame::at(reference.position).ecef_to_enu(position))
+fn compare(truth: &Truth, qualities: &[u8], solution: &Solution) -> Option<Scored> {
+    let reference = truth.at(solution.time_gps, qualities)?;
+    let frame = LocalFrame::at(reference.position);
+    let error = frame.ecef_to_enu(solution.position);
+    let covariance = frame.covariance_ecef_to_enu(&solution.covariance);
+    let horizontal = covariance.fixed_view::<2, 2>(0, 0).into_owned();
+    let e = Vector2::new(error.east, error.north);
+    let nees_horizontal = Cholesky::new(horizontal).map_or(f64::NAN, |factor| e.dot(&factor.solve(&e)));
+    Some(Scored { error, nees_horizontal, nees_up: error.up * error.up / covariance.m33 })
 }
 
 impl Accuracy {
-    fn of(errors: &[Enu], expected: usize) -> Option<Self> {
-        if errors.is_empty() {
+    fn of(scored: &[Scored], expected: usize) -> Option<Self> {
+        if scored.is_empty() {
             return None;
         }
-        let mut horizontal: Vec<f64> = errors.iter().map(|e| e.horizontal()).collect();
+        let mut horizontal: Vec<f64> = scored.iter().map(|s| s.error.horizontal()).collect();
         horizontal.sort_by(f64::total_cmp);
-        let rms = |component: fn(&Enu) -> f64| {
-            (errors.iter().map(|e| component(e).powi(2)).sum::<f64>() / errors.len() as f64).sqrt()
-        };
+        let rms = |component: fn(&Enu) -> f64| mean(scored, |s| component(&s.error).powi(2)).sqrt();
         Some(Self {
-            epochs: errors.len(),
-            availability: errors.len() as f64 / expected as f64,
+            epochs: scored.len(),
+            availability: scored.len() as f64 / expected as f64,
             horizontal_p50_m: percentile(&horizontal, 0.50),
             horizontal_p68_m: percentile(&horizontal, 0.68),
             horizontal_p95_m: percentile(&horizontal, 0.95),
@@ -90,8 +116,14 @@ impl Accuracy {
             rmse_north_m: rms(|e| e.north),
             rmse_up_m: rms(|e| e.up),
             rmse_2d_m: rms(|e| e.horizontal()),
+            nees_horizontal: mean(scored, |s| s.nees_horizontal),
+            nees_up: mean(scored, |s| s.nees_up),
         })
     }
+}
+
+fn mean(scored: &[Scored], value: impl Fn(&Scored) -> f64) -> f64 {
+    scored.iter().map(value).sum::<f64>() / scored.len() as f64
 }
 
 /// The `fraction` quantile of sorted values by linear interpolation; NaN when there are none.
@@ -128,13 +160,22 @@ mod tests {
         let still = TruthPoint { position: site, velocity: EcefVector::new(0.0, 0.0, 0.0) };
         let truth = Truth::from_points((0..10).map(|i| (start + f64::from(i), still)), 1);
         let off = LocalFrame::at(site).enu_to_ecef(Enu { east: 3.0, north: 4.0, up: -2.0 });
-        let solutions: Vec<_> = (0..6).map(|i| (start + f64::from(i) + 0.0003, off)).collect();
+        let solutions: Vec<_> = (0..6)
+            .map(|i| Solution {
+                time_gps: start + f64::from(i) + 0.0003,
+                position: off,
+                covariance: Matrix3::identity() * 4.0,
+            })
+            .collect();
         let accuracy = score(&truth, &[1], (start, start + 7.0), &solutions).unwrap();
         assert_eq!(accuracy.epochs, 6);
         assert!((accuracy.availability - 0.75).abs() < 1e-12, "8 truth epochs inside the recording");
         assert!((accuracy.horizontal_p95_m - 5.0).abs() < 1e-6);
         assert!((accuracy.rmse_up_m - 2.0).abs() < 1e-4);
         assert!((accuracy.rmse_east_m - 3.0).abs() < 1e-4 && (accuracy.rmse_north_m - 4.0).abs() < 1e-4);
+        assert!(
+            (accuracy.nees_horizontal - 25.0 / 4.0).abs() < 1e-6 && (accuracy.nees_up - 1.0).abs() < 1e-6
+        );
         assert!(score(&truth, &[2], (start, start + 7.0), &solutions).is_none());
     }
 }

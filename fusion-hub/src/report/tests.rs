@@ -82,6 +82,8 @@ fn the_table_follows_the_sessions_order_and_means_what_is_scored() {
         rmse_east_m: 1.0,
         rmse_north_m: 1.0,
         rmse_up_m: 1.0,
+        nees_horizontal: 2.0,
+        nees_up: 1.0,
         rmse_2d_m: 1.0,
     };
     let scored: ByPhone = [("a", Some(1.0)), ("b", Some(2.0)), ("c", None)]
