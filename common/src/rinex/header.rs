@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::{RinexError, columns, integer, real, shorten, text};
+use super::version::Version;
+use super::{RinexError, columns, integer, leap_seconds, real, shorten, text};
 use crate::frames::Ecef;
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::time::{BEIDOU_BEHIND_GPS_S, Calendar, GpsTime};
@@ -74,6 +75,7 @@ impl ObservationHeader {
 #[derive(Clone, Debug, Default)]
 pub(super) struct HeaderBuilder {
     header: ObservationHeader,
+    version: Version,
     lines: u64,
     /// System and number of types still to come on continuation lines.
     continued: Option<(Constellation, usize)>,
@@ -109,7 +111,8 @@ impl HeaderBuilder {
         self.lines += 1;
         let label = columns(line, 60, 80).trim_ascii();
         if self.lines == 1 {
-            self.header.version = version(number, line, label, b'O', "observation")?;
+            self.version = Version::read(number, line, b"O", "observation")?;
+            self.header.version = self.version.number;
             return Ok(false);
         }
         self.record(line, label).map_err(|label| RinexError::HeaderLine {
@@ -127,7 +130,7 @@ impl HeaderBuilder {
             b"REC # / TYPE / VERS" => self.header.receiver_type = text(columns(line, 20, 40)),
             b"APPROX POSITION XYZ" => self.header.approximate_position = position(line),
             b"INTERVAL" => self.header.interval_s = real(columns(line, 0, 10)).filter(|s| *s > 0.0),
-            b"LEAP SECONDS" => self.header.leap_seconds = leap_seconds(line),
+            b"LEAP SECONDS" => self.header.leap_seconds = leap_seconds::header_line(line),
             b"SYS / # / OBS TYPES" => self.observation_types(line).ok_or(TYPES_LABEL)?,
             b"SYS / SCALE FACTOR" => self.scale_factor(line).ok_or(SCALE_LABEL)?,
             b"TIME OF FIRST OBS" => {
@@ -224,37 +227,6 @@ impl HeaderBuilder {
             slot = named.map(|satellite| satellite.number);
         }
     }
-}
-
-/// Checks the first line and gives the version times 100.
-pub(super) fn version(
-    number: u64,
-    line: &[u8],
-    label: &[u8],
-    wanted: u8,
-    expected: &'static str,
-) -> Result<u16, RinexError> {
-    if label.starts_with(b"CRINEX VERS") {
-        return Err(RinexError::Hatanaka);
-    }
-    if label != b"RINEX VERSION / TYPE" {
-        return Err(RinexError::NotRinex { line: number, found: shorten(line) });
-    }
-    let field = columns(line, 0, 9);
-    let found = || RinexError::Version { found: text(field) };
-    let version = real(field).map(|v| (v * 100.0).round()).filter(|v| (300.0..=305.0).contains(v));
-    let kind = columns(line, 20, 40);
-    if version.is_some() && kind.first() != Some(&wanted) {
-        return Err(RinexError::WrongType { expected, found: text(kind) });
-    }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within 300 to 305
-    version.map(|v| v as u16).ok_or_else(found)
-}
-
-/// Seconds that GPS time is ahead of UTC. The line may count them for BeiDou time instead.
-pub(super) fn leap_seconds(line: &[u8]) -> Option<i64> {
-    let seconds = integer(columns(line, 0, 6)).filter(|s| (0..=100).contains(s))?;
-    Some(if columns(line, 24, 27) == b"BDS" { seconds + 14 } else { seconds })
 }
 
 fn position(line: &[u8]) -> Option<Ecef> {

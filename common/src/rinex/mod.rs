@@ -1,4 +1,4 @@
-//! RINEX 3.0x observation and navigation files (Gini: RINEX, the Receiver Independent Exchange Format, 3.05).
+//! RINEX 2, 3 and 4 observation and navigation files (Gurtner, Estey: RINEX 2.11; Romero: RINEX 3.05 and 4.01).
 //!
 //! The observation decoder takes one line at a time and owns no input; the functions over whole files accept
 //! plain or gzip-compressed bytes. Damage costs the damaged value, line or record, and is counted in
@@ -6,16 +6,24 @@
 
 mod decimal;
 mod decompress;
+mod glonass_record;
 mod header;
+mod leap_seconds;
 mod navigation;
+mod navigation_decoder;
+mod navigation_header;
 mod navigation_record;
 mod observation;
 mod observation_record;
+mod version;
 
 pub(crate) use decimal::{integer, real};
 pub use decompress::{DecompressError, MAX_DECOMPRESSED_BYTES, decompress};
 pub use header::{ObservationHeader, ObservationKind, ObservationType};
-pub use navigation::{IonosphereTerms, NavigationFile};
+pub use leap_seconds::leap_seconds_at;
+pub use navigation::NavigationFile;
+pub use navigation_decoder::NavigationDecoder;
+pub use navigation_header::IonosphereTerms;
 pub use observation::{ObservationDecoder, ObservationFile};
 
 /// Why a file cannot be read at all.
@@ -38,7 +46,9 @@ pub enum RinexError {
         found: String,
     },
     /// A version that is not read here.
-    #[error("RINEX version {found} is not supported; versions 3.00 to 3.05 are (convert the file first)")]
+    #[error(
+        "RINEX version {found} is not supported; versions 2.00 to 2.12, 3.00 to 3.05 and 4.00 to 4.02 are"
+    )]
     Version {
         /// What the header says.
         found: String,
