@@ -2,7 +2,7 @@
 
 use super::navigation_decoder::{Found, NavigationDecoder};
 use super::navigation_header::IonosphereTerms;
-use super::{RinexError, decompress, lines};
+use super::{RinexError, decompress};
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
 
@@ -32,15 +32,10 @@ impl NavigationFile {
         let bytes = decompress(bytes)?;
         let mut decoder = NavigationDecoder::default();
         let (mut kepler, mut glonass) = (Vec::new(), Vec::new());
-        let mut take = |found: Option<Found>| match found {
-            Some(Found::Kepler(sent, ephemeris)) => kepler.push((sent, ephemeris)),
-            Some(Found::Glonass(ephemeris)) => glonass.push(ephemeris),
-            None => {}
-        };
-        for (number, line) in lines(&bytes) {
-            take(decoder.line(number, line)?);
-        }
-        take(decoder.end()?);
+        decoder.whole(&bytes, |found| match found {
+            Found::Kepler(sent, ephemeris) => kepler.push((sent, ephemeris)),
+            Found::Glonass(ephemeris) => glonass.push(ephemeris),
+        })?;
         // Of messages that differ in health alone the unhealthy one comes last, and so will be in force.
         kepler.sort_by(|(a, x), (b, y)| a.cmp(b).then(x.health.total_cmp(&y.health)));
         glonass.sort_by_key(|ephemeris| (ephemeris.toe, !ephemeris.is_healthy()));

@@ -1,15 +1,17 @@
 //! Navigation files line by line.
 
 use super::glonass_record::glonass_ephemeris;
+use super::line_assembly::Line;
 use super::navigation_header::{IonosphereTerms, NavigationHeader};
 use super::navigation_record::{Fault, Record, ephemeris};
+use super::stream::Stream;
 use super::{RinexError, columns, leap_seconds_at, shorten, trim_end};
 use crate::gnss::Constellation;
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
-/// Decodes a navigation file (RINEX 2, 3, 4) one line at a time. It owns no input.
+/// Decodes a navigation file (RINEX 2, 3, 4) from bytes in any portions, by [`crate::decode::Decoder`].
 ///
 /// In RINEX 3 and 4 a line that begins with a letter begins a record, in RINEX 2 one with a number in its first two
 /// columns; one that begins with a blank continues it. Records of any length stay in step that way.
@@ -20,6 +22,7 @@ pub struct NavigationDecoder {
     kind: Kind,
     record: Option<Record>,
     skips: Skips,
+    pub(super) stream: Stream,
 }
 
 /// What the record is by the type line of RINEX 4; of RINEX 2 and 3 always an ephemeris.
@@ -91,6 +94,11 @@ impl NavigationDecoder {
             return Err(RinexError::HeaderIncomplete { lines: self.header.lines });
         }
         Ok(self.record_done())
+    }
+
+    /// A line's text; one that was too long is counted.
+    pub(super) fn kept<'a>(&mut self, line: Line<'a>) -> &'a [u8] {
+        line.kept(&mut self.skips)
     }
 
     fn continues(&self, line: &[u8]) -> bool {
