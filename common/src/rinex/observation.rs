@@ -68,7 +68,7 @@ struct Pending {
     remaining: usize,
     seen: Seen,
     /// RINEX 2: the satellites' list.
-    listed: Option<Listed>,
+    listed: Option<Box<Listed>>,
 }
 
 /// Keeps the epochs in time order.
@@ -310,10 +310,11 @@ impl ObservationDecoder {
         }
         let observations = Vec::with_capacity(self.usual_size.max(16));
         let epoch = ObservationEpoch { time_gps, flag, observations };
+        let types = self.builder.types_2();
         let listed = self
             .builder
             .is_2()
-            .then(|| Listed::new(line, announced, self.builder.types_2(), self.builder.default_letter()));
+            .then(|| Box::new(Listed::new(line, announced, types, self.builder.default_letter())));
         let seen = Seen::default();
         State::Epoch(Pending { epoch, line: number, announced, remaining: announced, seen, listed })
     }
