@@ -133,14 +133,14 @@ fn rows<'a>(
         return (lines.iter().map(|l| l[..3].to_owned()).collect(), lines.iter().map(row).collect());
     }
     let types = types[&' '];
-    let mut list = format!("{:68}", epoch)[32..68].to_owned();
+    let mut list = format!("{epoch:68}")[32..68].to_owned();
     for _ in 1..count.div_ceil(12) {
         list += &format!("{:68}", lines.next().unwrap())[32..68];
     }
     let ids = (0..count).map(|k| list[3 * k..3 * k + 3].to_owned()).collect();
     let mut row = || {
-        let text: String = lines.take(types.div_ceil(5)).map(|line| format!("{line:80}")).collect();
-        text[..16 * types].to_owned()
+        let text: Vec<String> = lines.take(types.div_ceil(5)).map(|line| format!("{line:80}")).collect();
+        text.concat()[..16 * types].to_owned()
     };
     (ids, (0..count).map(|_| row()).collect())
 }
@@ -294,8 +294,8 @@ fn rinex_3(epochs: &[BTreeMap<u8, Row>]) -> String {
         + &header("", "END OF HEADER");
     for (second, epoch) in epochs.iter().enumerate() {
         if second == 5 {
-            text +=
-                &format!(">                              4  1\n{}", header("SOMETHING HAPPENED", "COMMENT"));
+            text += ">                              4  1\n";
+            text += &header("SOMETHING HAPPENED", "COMMENT");
         }
         writeln!(text, "> 2020 08 13 14 {:02} {:2}.0000000  0{:3}", second / 60, second % 60, epoch.len())
             .unwrap();
@@ -310,8 +310,8 @@ fn rinex_3(epochs: &[BTreeMap<u8, Row>]) -> String {
                 }
                 None => " ".repeat(16),
             };
-            let values: String = row.iter().map(|v| format!("{:<16}", field(v))).collect();
-            writeln!(text, "G{number:02}{}", values.trim_end()).unwrap();
+            let values: Vec<String> = row.iter().map(|v| format!("{:<16}", field(v))).collect();
+            writeln!(text, "G{number:02}{}", values.concat().trim_end()).unwrap();
         }
     }
     text
