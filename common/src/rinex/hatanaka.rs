@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use super::differences::{Arc, change_text};
-use super::{columns, epoch_2, integer, observation, shorten};
+use super::{columns, epoch_2, epoch_3, integer, shorten};
 use crate::skips::Skips;
 
 /// Satellites in one RINEX 2 epoch line.
@@ -157,7 +157,7 @@ impl Hatanaka {
         let count = integer(columns(&text, flag_at + 1, flag_at + 4)).and_then(|n| usize::try_from(n).ok());
         let timed = match self.form {
             Form::One => epoch_2::epoch_time(&text).is_some(),
-            Form::Three => text.first() == Some(&b'>') && observation::epoch_time(&text).is_some(),
+            Form::Three => text.first() == Some(&b'>') && epoch_3::epoch_time(&text).is_some(),
         };
         match (flag, count) {
             (Some(b'0' | b'1'), Some(count)) if timed && (restarts || !self.epoch.is_empty()) => {

@@ -1,6 +1,6 @@
 //! Observation types of RINEX 2 as those of RINEX 3.
 
-use super::header::{ObservationKind, ObservationType};
+use super::types::{ObservationKind, ObservationType};
 use super::{columns, integer};
 use crate::gnss::{Constellation, SignalCode};
 
