@@ -285,6 +285,27 @@ fn an_example_of_version_1_by_hand() {
     assert_eq!(file.epochs[1].time_gps, "2005-04-02T00:00:30".parse().unwrap());
 }
 
+/// An event between: its lines are plain, it may bring other types, and what follows must start anew.
+#[test]
+fn events_change_the_types_and_want_a_new_start() {
+    let head = header("3.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE")
+        + &header("by hand", "CRINEX PROG / DATE")
+        + &header("     3.04           OBSERVATION DATA    M", "RINEX VERSION / TYPE")
+        + &header("G    2 C1C D1C", "SYS / # / OBS TYPES")
+        + &header("", "END OF HEADER")
+        + "> 2010 10 24 22 14 30.0000000  0  1      G05\n\n3&21111612436 3&-1500\n"
+        + ">                              4  1\n"
+        + &header("G    1 S1C", "SYS / # / OBS TYPES");
+    let anew = "&reserved\n> 2010 10 24 22 14 31.0000000  0  1      G05\n\n3&45000\n";
+    let file = ObservationFile::parse((head.clone() + anew).as_bytes()).unwrap();
+    assert_eq!(file.epochs[1].observations[0].cn0_dbhz, Some(45.0), "{}", file.skips);
+    assert_eq!((file.skips.count("Hatanaka escape line"), file.skips.total()), (1, 2));
+    // A difference to what was before the event has no meaning.
+    let file = ObservationFile::parse((head + "                    1\n\n5\n" + anew).as_bytes()).unwrap();
+    assert_eq!(file.epochs.len(), 2, "{}", file.skips);
+    assert!(file.skips.total() > 2, "{}", file.skips);
+}
+
 /// One satellite of one epoch: values and indicators by type.
 type Row = Vec<Option<(i64, u8)>>;
 

@@ -43,10 +43,10 @@ BY HAND                                                     CRINEX PROG / DATE
 -2041349 -10730547
 &                           4  1
 A COMMENT                                                   COMMENT
-                 1  0
+&05  4  2  0  1  0.0000000  0  2G 3G 7
 
-18303 91238
--6961 -32328
+3&24824193270 3&56220567922
+3&24357843816 3&-712671320
 ";
 
 const COMPACT_3: &str = "3.0                 COMPACT RINEX FORMAT                    CRINEX VERS   / TYPE
