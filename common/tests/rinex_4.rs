@@ -121,6 +121,14 @@ fn the_glonass_record_of_3_05_has_flags_and_may_miss_its_delay() {
         assert!(products.satellite_state(r01.satellite, toe + 600.0).is_ok());
         assert_eq!(products.glonass_channel(r01.satellite, toe + 1e6), Some(1));
     }
+    // A message says more than an observation header.
+    let mut products = Products::new(vec![], vec![read(GLONASS)]);
+    products.set_glonass_channels(&std::collections::BTreeMap::from([(1, -7), (2, -4)]));
+    let channel = |text: &str| products.glonass_channel(text.parse().unwrap(), r01.toe);
+    assert_eq!(
+        (channel("R01"), channel("R02"), channel("R03"), channel("G02")),
+        (Some(1), Some(-4), None, None)
+    );
     for (from, to) in [
         ("1.000000000000e+00\n     2.288", "2.100000000000e+01\n     2.288"),
         (" 1.090894238281e+04", " 9.090894238281e+04"),
