@@ -28,6 +28,9 @@ pub struct CorrectionOptions {
     /// Standard deviation of BeiDou's clocks and group delays together, m. Theirs is larger than the others': TGD1 goes into
     /// B1I with a factor of 1.94 on precise clocks, and second- and third-generation satellites differ in receivers.
     pub beidou_bias_sigma_m: f64,
+    /// Standard deviation of GLONASS' biases between frequency channels, m. All channels of a band share one receiver
+    /// clock here, but each passes the receiver's filters differently, by metres in cheap receivers.
+    pub glonass_bias_sigma_m: f64,
     /// Relative humidity of the standard atmosphere, 0-1.
     pub relative_humidity: f64,
 }
@@ -40,7 +43,19 @@ impl Default for CorrectionOptions {
             stochastic: StochasticModel::default(),
             unknown_group_delay_sigma_m: 2.0,
             beidou_bias_sigma_m: 2.0,
+            glonass_bias_sigma_m: 3.0,
             relative_humidity: STANDARD_RELATIVE_HUMIDITY,
+        }
+    }
+}
+
+impl CorrectionOptions {
+    /// Standard deviation of what a system's signals differ by among themselves, m.
+    const fn system_bias_sigma_m(&self, constellation: Constellation) -> f64 {
+        match constellation {
+            Constellation::Beidou => self.beidou_bias_sigma_m,
+            Constellation::Glonass => self.glonass_bias_sigma_m,
+            _ => 0.0,
         }
     }
 }
@@ -98,9 +113,7 @@ impl Corrector {
                 },
             };
             last = Some(state);
-            let Some(frequency_hz) =
-                observation.signal.frequency_hz(observation.satellite.constellation, None)
-            else {
+            let Some(frequency_hz) = self.frequency_hz(observation, epoch.time_gps) else {
                 self.skips.add("no carrier frequency", || {
                     format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
                 });
@@ -109,6 +122,13 @@ impl Corrector {
             prepared.push(self.combine(observation, frequency_hz, pseudorange_m, &state));
         }
         prepared
+    }
+
+    /// The carrier; of GLONASS by the channel in the navigation messages.
+    fn frequency_hz(&self, observation: &Observation, time_gps: GpsTime) -> Option<f64> {
+        let satellite = observation.satellite;
+        let channel = self.products.glonass_channel(satellite, time_gps);
+        observation.signal.frequency_hz(satellite.constellation, channel)
     }
 
     /// The satellite's state at transmission: t_tx = t_rx − P/c − dT_s.
@@ -150,8 +170,8 @@ impl Corrector {
             state.clock_reference,
             prepared.time_gps,
         );
-        let CorrectionOptions { unknown_group_delay_sigma_m: unknown, beidou_bias_sigma_m: beidou, .. } =
-            self.options;
+        let unknown_m = self.options.unknown_group_delay_sigma_m;
+        let system_m = self.options.system_bias_sigma_m(observation.satellite.constellation);
         if group_delay_m.is_none() {
             self.skips.add("group delay unknown, used with a larger sigma", || {
                 format!("{} {}", observation.satellite, observation.signal)
@@ -168,12 +188,8 @@ impl Corrector {
             position: state.position,
             velocity: state.velocity,
             extra_variance_m2: state.sigma_m.powi(2)
-                + if group_delay_m.is_none() { unknown * unknown } else { 0.0 }
-                + if observation.satellite.constellation == Constellation::Beidou {
-                    beidou * beidou
-                } else {
-                    0.0
-                },
+                + system_m * system_m
+                + if group_delay_m.is_none() { unknown_m * unknown_m } else { 0.0 },
         }
     }
 

@@ -50,7 +50,6 @@ use crate::constraint::Constraint;
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, Products, SatelliteState};
 use crate::rinex::{IonosphereTerms, NavigationFile};
-use crate::skips::Skips;
 use crate::time::GpsTime;
 
 use satellites::SimulatedSatellite;
@@ -117,7 +116,7 @@ impl Simulation {
             ephemerides: self.ephemerides.clone(),
             ionosphere: IonosphereTerms { gps: Some(KLOBUCHAR), ..IonosphereTerms::default() },
             leap_seconds: Some(18),
-            skips: Skips::default(),
+            ..NavigationFile::default()
         }
     }
 
