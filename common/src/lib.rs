@@ -16,6 +16,7 @@ pub mod integrity;
 pub mod measurement;
 pub mod orbit;
 pub mod rinex;
+pub mod rtcm;
 pub mod simulation;
 pub mod skips;
 pub mod solve;
