@@ -45,24 +45,33 @@ impl LockTime {
 /// The lock times that were seen last.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LockTimes {
-    last: BTreeMap<(SatelliteId, SignalCode), (GpsTime, LockTime)>,
+    last: BTreeMap<(SatelliteId, SignalCode), Seen>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    time: GpsTime,
+    lock: LockTime,
+    /// Lost while no phase was sent that could have said so.
+    untold: bool,
 }
 
 impl LockTimes {
-    /// Takes a lock time and says whether the lock was certainly lost since the signal's observation before this one: the
-    /// time has become shorter, or is shorter than it would be had the lock held.
+    /// Takes a lock time, and says for an observation with a phase whether the lock was certainly lost since the signal's
+    /// last one with a phase: the time has become shorter, or is shorter than it would be had the lock held.
     pub(super) fn lost(
         &mut self,
-        satellite: SatelliteId,
-        signal: SignalCode,
+        (satellite, signal): (SatelliteId, SignalCode),
         time: GpsTime,
         lock: LockTime,
+        has_phase: bool,
     ) -> bool {
-        let before = self.last.insert((satellite, signal), (time, lock));
-        before.is_some_and(|(then, before)| {
-            let elapsed_ms = (time - then) * 1e3;
-            lock.least_ms < before.least_ms || lock.below_ms <= before.least_ms + elapsed_ms
-        })
+        let lost = self.last.get(&(satellite, signal)).is_some_and(|before| {
+            let held_ms = before.lock.least_ms + (time - before.time) * 1e3;
+            before.untold || lock.least_ms < before.lock.least_ms || lock.below_ms <= held_ms
+        });
+        self.last.insert((satellite, signal), Seen { time, lock, untold: lost && !has_phase });
+        lost && has_phase
     }
 }
 
@@ -98,12 +107,11 @@ mod tests {
 
     #[test]
     fn a_lock_that_is_too_young_was_lost() {
-        let satellite = SatelliteId::new(Constellation::Gps, 7);
-        let signal = SignalCode::new(b'1', b'C');
+        let of = (SatelliteId::new(Constellation::Gps, 7), SignalCode::new(b'1', b'C'));
         let start = GpsTime::from_week_tow(2118, 0.0);
         let mut locks = LockTimes::default();
         let mut lost = |seconds: f64, indicator: u32| {
-            locks.lost(satellite, signal, start + seconds, LockTime::coarse(indicator))
+            locks.lost(of, start + seconds, LockTime::coarse(indicator), indicator != 9)
         };
         assert!(!lost(0.0, 0), "nothing to compare with");
         assert!(lost(1.0, 0), "below 32 ms after a second");
@@ -112,6 +120,8 @@ mod tests {
         assert!(!lost(4.0, 6));
         assert!(!lost(5.0, 6));
         assert!(lost(6.0, 5), "shorter");
-        assert!(!lost(606.0, 15), "long enough for any gap that it can express");
+        assert!(!lost(605.0, 9), "grown by too little, but without a phase");
+        assert!(lost(606.0, 15), "told with the next phase");
+        assert!(!lost(900.0, 15), "long enough for any gap that it can express");
     }
 }

@@ -193,7 +193,11 @@ impl RtcmDecoder {
             self.skips.add("pseudorange below 1e6 m", || format!("{satellite} {signal} at {time}"));
             return None;
         }
-        let cycle_slip = self.locks.lost(satellite, signal, time, cell.lock);
+        let has_phase = cell.phase_s().is_some();
+        let loss_of_lock = LossOfLock {
+            cycle_slip: self.locks.lost((satellite, signal), time, cell.lock, has_phase),
+            half_cycle: cell.half_cycle && has_phase,
+        };
         let observation = Observation {
             satellite,
             signal,
@@ -201,7 +205,7 @@ impl RtcmDecoder {
             carrier_phase_cycles: cell.phase_s().zip(frequency_hz).map(|(travel_s, f)| travel_s * f),
             doppler_hz: cell.rate_mps.zip(frequency_hz).map(|(rate, f)| -rate * f / SPEED_OF_LIGHT_MPS),
             cn0_dbhz: cell.cn0_dbhz,
-            loss_of_lock: LossOfLock { cycle_slip, half_cycle: cell.half_cycle },
+            loss_of_lock,
         };
         let any = pseudorange_m.is_some()
             || observation.carrier_phase_cycles.is_some()
