@@ -12,6 +12,7 @@ pub mod decode;
 pub mod filter;
 pub mod frames;
 pub mod gnss;
+pub mod gsdc;
 pub mod integrity;
 pub mod measurement;
 pub mod orbit;
