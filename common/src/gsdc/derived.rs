@@ -23,8 +23,6 @@ pub struct DerivedObservation {
     pub observation: Observation,
     /// Carrier frequency, Hz, where it is known.
     pub frequency_hz: Option<f64>,
-    /// The phone's own standard deviation of the pseudorange, m.
-    pub pseudorange_sigma_m: Option<f64>,
     /// Satellite state and corrections as the table gives them; `None` where they are missing.
     pub given: Option<GivenCorrections>,
 }

@@ -65,8 +65,17 @@ pub struct PreparedObservation {
     position: Ecef,
     velocity: EcefVector,
     extra_variance_m2: f64,
-    /// Ionosphere and troposphere together where the recording itself states them, m.
-    atmosphere_m: Option<f64>,
+    /// What the recording itself states.
+    stated: Option<Stated>,
+}
+
+/// Values of a recording that replace those of models.
+#[derive(Clone, Copy, Debug)]
+struct Stated {
+    /// Ionosphere and troposphere together, m.
+    atmosphere_m: f64,
+    /// Standard deviation of the code, m; used where there is no C/N0 to judge it by.
+    code_sigma_m: Option<f64>,
 }
 
 /// Satellite state and corrections that came with a recording, in place of those from products.
@@ -86,6 +95,9 @@ pub struct GivenCorrections {
     pub atmosphere_m: f64,
     /// Standard deviation of orbit and clock together along the line of sight, m.
     pub sigma_m: f64,
+    /// The receiver's own standard deviation of the pseudorange, m. It stands in for the stochastic model, which has nothing
+    /// to go by, where no C/N0 was recorded.
+    pub code_sigma_m: Option<f64>,
 }
 
 impl Corrector {
@@ -152,7 +164,7 @@ impl Corrector {
             position: given.satellite_position,
             velocity: given.satellite_velocity,
             extra_variance_m2: given.sigma_m.powi(2) + self.system_variance_m2(observation),
-            atmosphere_m: Some(given.atmosphere_m),
+            stated: Some(Stated { atmosphere_m: given.atmosphere_m, code_sigma_m: given.code_sigma_m }),
         })
     }
 
@@ -233,7 +245,7 @@ impl Corrector {
             extra_variance_m2: state.sigma_m.powi(2)
                 + if group_delay_m.is_none() { unknown * unknown } else { 0.0 }
                 + self.system_variance_m2(observation),
-            atmosphere_m: None,
+            stated: None,
         }
     }
 
@@ -357,14 +369,17 @@ impl View {
         seen: &Seen,
         products: &Products,
     ) -> CorrectedObservation {
-        let (ionosphere_m, troposphere_m) = match prepared.atmosphere_m {
-            Some(both_m) => (both_m, 0.0),
+        let (ionosphere_m, troposphere_m) = match prepared.stated {
+            Some(stated) => (stated.atmosphere_m, 0.0),
             None => self.atmosphere_m(prepared, seen.direction, products),
         };
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
         let StochasticModel { code, rate } = self.options.stochastic;
-        let variance = code.variance(cn0_dbhz, elevation_rad) + prepared.extra_variance_m2;
+        let stated_sigma_m = prepared.stated.and_then(|s| s.code_sigma_m).filter(|_| cn0_dbhz.is_none());
+        let code_m2 = stated_sigma_m
+            .map_or_else(|| code.variance(cn0_dbhz, elevation_rad), |sigma_m| sigma_m * sigma_m);
+        let variance = code_m2 + prepared.extra_variance_m2;
         seen.rotated.observation(
             prepared,
             seen.direction,
