@@ -349,7 +349,7 @@ fn what_is_not_read_is_counted_by_its_number() {
         ..Msg1107T::default()
     });
     let station = Message::Msg1005(Msg1005T::default());
-    let glonass = Message::Msg1020(Msg1020T::default());
+    let glonass = Message::Msg1020(Msg1020T { glo_m_n4_year: 1996, ..Msg1020T::default() });
     let (_, skips) =
         decode(&[&[frame(&sbas), frame(&station), frame(&station), frame(&glonass), frame_of(&[])].concat()]);
     assert_eq!(skips.count("SBAS observations are not used"), 1, "{skips}");
