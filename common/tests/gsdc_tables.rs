@@ -75,7 +75,9 @@ fn sky() -> Vec<Sat> {
 }
 
 fn transmission_ns(arrival_ms: i64, sat: &Sat) -> i64 {
-    arrival_ms * 1_000_000 - (sat.pseudorange_m / SPEED_OF_LIGHT_MPS * 1e9).round() as i64
+    #[allow(clippy::cast_possible_truncation)] // below 0.1 s
+    let travel_ns = (sat.pseudorange_m / SPEED_OF_LIGHT_MPS * 1e9).round() as i64;
+    arrival_ms * 1_000_000 - travel_ns
 }
 
 fn row_2021(time_ms: i64, sat: &Sat) -> String {

@@ -113,7 +113,7 @@ impl DerivedDecoder {
 
 impl Table {
     fn line(&mut self, number: u64, line: &[u8], skips: &mut Skips) {
-        if line.iter().all(|byte| byte.is_ascii_whitespace()) {
+        if line.iter().all(u8::is_ascii_whitespace) {
             return;
         }
         let fields = fields(line);

@@ -131,7 +131,7 @@ impl RtcmDecoder {
             (None, 1019 | 1042 | 1044..=1046) => self.ephemeris(bytes, number),
             (None, 1020) => self.glonass_ephemeris(bytes),
             _ => {
-                self.skips.add(&format!("message {number} is not read"), || format!("{} bytes", bytes.len()))
+                self.skips.add(&format!("message {number} is not read"), || format!("{} bytes", bytes.len()));
             }
         }
     }
