@@ -1,4 +1,4 @@
-//! Transport frames: preamble 0xD3, six reserved bits, ten bits of length, message, CRC-24Q (RTCM 10403.3, 4).
+//! Transport frames: preamble 0xD3, six reserved bits, ten bits of length, message, CRC-24Q (RTCM 10403.3, transport layer).
 //!
 //! A preamble may be line noise. When the checksum of what follows is wrong, only that one byte is passed over and the
 //! search goes on behind it, so that noise never swallows a frame.
@@ -132,7 +132,7 @@ fn crc24q(bytes: &[u8]) -> u32 {
 mod tests {
     use super::*;
 
-    /// The example frame of RTCM 10403.3, 4.2 (a 1005 message).
+    /// The example frame of RTCM 10403.3, transport layer (a 1005 message).
     const EXAMPLE: [u8; 25] = [
         0xd3, 0x00, 0x13, 0x3e, 0xd7, 0xd3, 0x02, 0x02, 0x98, 0x0e, 0xde, 0xef, 0x34, 0xb4, 0xbd, 0x62, 0xac,
         0x09, 0x41, 0x98, 0x6f, 0x33, 0x36, 0x0b, 0x98,

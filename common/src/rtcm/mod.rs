@@ -264,7 +264,7 @@ fn is_same_issue(a: &KeplerEphemeris, b: &KeplerEphemeris) -> bool {
     known(a) == known(b)
 }
 
-/// System and resolution of a multiple signal message (RTCM 10403.3, table 3.5-77).
+/// System and resolution of a multiple signal message (RTCM 10403.3, list of messages).
 const fn msm_kind(number: u32) -> Option<(Constellation, msm::Level)> {
     let constellation = match number / 10 {
         107 => Constellation::Gps,
@@ -295,7 +295,7 @@ impl Decoder for RtcmDecoder {
 
     fn finish(&mut self) -> Result<(), WrongStream> {
         self.drain(true);
-        self.records.extend(self.assembler.close().map(Record::Epoch));
+        self.records.extend(self.assembler.finish(&mut self.skips).map(Record::Epoch));
         self.check_kind(true)
     }
 

@@ -258,7 +258,7 @@ fn ura_m(index: u32) -> f64 {
     }
 }
 
-/// Signal-in-space accuracy of an index (Galileo OS SIS ICD, table 89), m.
+/// Signal-in-space accuracy of an index (Galileo OS SIS ICD, SISA), m.
 fn sisa_m(index: u32) -> f64 {
     let above = |start: u32, base: f64, step: f64| base + step * f64::from(index - start);
     match index {

@@ -1,6 +1,6 @@
 //! Ephemeris messages 1019 (GPS), 1042 (BeiDou), 1044 (QZSS), 1045 and 1046 (Galileo F/NAV and I/NAV).
 //!
-//! RTCM 10403.3, tables 3.5-21, 3.5-92, 3.5-94, 3.5-95; the scale factors are those of the systems' own documents.
+//! RTCM 10403.3; the scale factors are those of the systems' own documents.
 
 mod fields;
 
