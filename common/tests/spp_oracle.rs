@@ -151,7 +151,7 @@ impl Solver {
         let prepared = self.corrector.prepare(&epoch);
         let mut position = start;
         for _ in 0..10 {
-            let mut corrected = self.corrector.finish(&prepared, position, epoch.time_gps);
+            let (mut corrected, _) = self.corrector.finish(&prepared, position, epoch.time_gps);
             for observation in &mut corrected {
                 let ephemeris_m2 = self.ephemeris_m2[&observation.satellite.to_string()];
                 let place = (&*self.products, position, epoch.time_gps);

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::given::Stated;
 use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
 use crate::atmosphere::{
     STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
@@ -71,15 +72,17 @@ pub struct Corrector {
 /// An observation with its satellite's state: everything that does not depend on where the phone is.
 #[derive(Clone, Debug)]
 pub struct PreparedObservation {
-    observation: Observation,
-    frequency_hz: f64,
+    pub(super) observation: Observation,
+    pub(super) frequency_hz: f64,
     /// P + c·dT_s + group delay correction, m.
-    pseudorange_m: f64,
-    range_rate_mps: Option<f64>,
+    pub(super) pseudorange_m: f64,
+    pub(super) range_rate_mps: Option<f64>,
     /// Satellite at transmission, in the Earth-fixed frame of the transmission.
-    position: Ecef,
-    velocity: EcefVector,
-    extra_variance_m2: f64,
+    pub(super) position: Ecef,
+    pub(super) velocity: EcefVector,
+    pub(super) extra_variance_m2: f64,
+    /// What the recording itself states.
+    pub(super) stated: Option<Stated>,
 }
 
 impl Corrector {
@@ -99,10 +102,7 @@ impl Corrector {
         let mut last: Option<PreparedState> = None;
         for observation in &epoch.observations {
             let Some(pseudorange_m) = observation.pseudorange_m else { continue };
-            if observation.cn0_dbhz.is_some_and(|cn0| cn0 < self.options.minimum_cn0_dbhz) {
-                self.skips.add("C/N0 below the mask", || {
-                    format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
-                });
+            if self.is_weak(observation, epoch.time_gps) {
                 continue;
             }
             let state = match last {
@@ -129,6 +129,22 @@ impl Corrector {
         let satellite = observation.satellite;
         let channel = self.products.glonass_channel(satellite, time_gps);
         observation.signal.frequency_hz(satellite.constellation, channel)
+    }
+
+    /// Whether a signal is below the mask; counts it.
+    pub(super) fn is_weak(&mut self, observation: &Observation, time_gps: GpsTime) -> bool {
+        let weak = observation.cn0_dbhz.is_some_and(|cn0| cn0 < self.options.minimum_cn0_dbhz);
+        if weak {
+            self.skips.add("C/N0 below the mask", || {
+                format!("{} {} at {time_gps}", observation.satellite, observation.signal)
+            });
+        }
+        weak
+    }
+
+    /// What a system's clocks and group delays add to the variance, m².
+    pub(super) fn system_variance_m2(&self, observation: &Observation) -> f64 {
+        self.options.system_bias_sigma_m(observation.satellite.constellation).powi(2)
     }
 
     /// The satellite's state at transmission: t_tx = t_rx − P/c − dT_s.
@@ -171,7 +187,6 @@ impl Corrector {
             prepared.time_gps,
         );
         let unknown_m = self.options.unknown_group_delay_sigma_m;
-        let system_m = self.options.system_bias_sigma_m(observation.satellite.constellation);
         if group_delay_m.is_none() {
             self.skips.add("group delay unknown, used with a larger sigma", || {
                 format!("{} {}", observation.satellite, observation.signal)
@@ -188,8 +203,9 @@ impl Corrector {
             position: state.position,
             velocity: state.velocity,
             extra_variance_m2: state.sigma_m.powi(2)
-                + system_m * system_m
+                + self.system_variance_m2(observation)
                 + if group_delay_m.is_none() { unknown_m * unknown_m } else { 0.0 },
+            stated: None,
         }
     }
 
@@ -315,16 +331,17 @@ impl View {
         seen: &Seen,
         products: &Products,
     ) -> CorrectedObservation {
-        let geodetic = self.frame.geodetic();
-        let ionosphere_m = products.ionosphere().map_or(0.0, |coefficients| {
-            let l1_m = klobuchar_delay_l1_m(&coefficients, geodetic, seen.direction, self.time_gps);
-            scale_from_l1(l1_m, prepared.frequency_hz)
-        });
-        let troposphere_m = saastamoinen_delay_m(geodetic, seen.direction, self.options.relative_humidity);
+        let (ionosphere_m, troposphere_m) = match prepared.stated {
+            Some(stated) => (stated.atmosphere_m, 0.0),
+            None => self.atmosphere_m(prepared, seen.direction, products),
+        };
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
         let StochasticModel { code, rate } = self.options.stochastic;
-        let variance = code.variance(cn0_dbhz, elevation_rad) + prepared.extra_variance_m2;
+        let stated_sigma_m = prepared.stated.and_then(|s| s.code_sigma_m).filter(|_| cn0_dbhz.is_none());
+        let code_m2 = stated_sigma_m
+            .map_or_else(|| code.variance(cn0_dbhz, elevation_rad), |sigma_m| sigma_m * sigma_m);
+        let variance = code_m2 + prepared.extra_variance_m2;
         seen.rotated.observation(
             prepared,
             seen.direction,
@@ -332,5 +349,20 @@ impl View {
             variance.sqrt(),
             rate.variance(cn0_dbhz, elevation_rad).sqrt(),
         )
+    }
+
+    /// Ionospheric and tropospheric delay by the models, m.
+    fn atmosphere_m(
+        &self,
+        prepared: &PreparedObservation,
+        direction: Direction,
+        products: &Products,
+    ) -> (f64, f64) {
+        let geodetic = self.frame.geodetic();
+        let ionosphere_m = products.ionosphere().map_or(0.0, |coefficients| {
+            let l1_m = klobuchar_delay_l1_m(&coefficients, geodetic, direction, self.time_gps);
+            scale_from_l1(l1_m, prepared.frequency_hz)
+        });
+        (ionosphere_m, saastamoinen_delay_m(geodetic, direction, self.options.relative_humidity))
     }
 }
