@@ -28,9 +28,9 @@ pub(super) fn from_unix_millis(millis: i64) -> Option<GpsTime> {
     if !(FIRST..=LAST).contains(&millis) {
         return None;
     }
-    let utc = (millis - UNIX_TO_GPS_MILLIS) * 1_000_000;
-    let at = |leap: i64| GpsTime::from_nanos(utc + leap * 1_000_000_000);
-    Some(at(leap_seconds(at(leap_seconds(at(14))))))
+    let utc_millis = millis - UNIX_TO_GPS_MILLIS;
+    let leap = STEPS.iter().rev().find(|(from, leap)| utc_millis >= (from - leap) * 1_000);
+    Some(GpsTime::from_nanos((utc_millis + leap.map_or(14, |(_, leap)| *leap) * 1_000) * 1_000_000))
 }
 
 #[cfg(test)]
