@@ -181,7 +181,7 @@ fn every_constellation_gives_the_same_pseudorange() {
         (6, 11, "1575420030", "C", second, week, "E11 1C"),
         (7, 6, "1176450050", "A", tow, week, "I06 5A"),
     ] {
-        let line = Line { system, svid, frequency, code, state, received, ..gps(0) };
+        let line = Line { svid, state, received, frequency, system, code, ..gps(0) };
         let o = only(&line);
         assert_eq!(format!("{} {}", o.satellite, o.signal), expected);
         assert_eq!(o.pseudorange_m, Some(metres(TRAVEL_NS as f64)), "{expected}");

@@ -1,12 +1,15 @@
 //! Navigation message bits to ephemerides.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod navbits_encoder;
+
 use std::f64::consts::PI;
 
 use cofix_common::gnss::SatelliteId;
 use cofix_common::navbits::{InavAssembler, LnavAssembler, ReceiverCheck};
 use cofix_common::orbit::KeplerEphemeris;
 use cofix_common::time::GpsTime;
+use navbits_encoder::{Bits, LnavFields, fields, integer, page, rinex2, unit};
 use proptest::prelude::*;
 
 /// Subframes 1, 2, 3 and page 18 of subframe 4 as GPS PRN 4 sent them at the start of week 1869, and those of QZSS J01 in
@@ -213,189 +216,6 @@ fn pieces_of_different_issues_do_not_mix() {
     assert_eq!(feed(&newer[2]).unwrap().issue_of_data, 75);
 }
 
-// --- An encoder, from the tables of IS-GPS-200 ---------------------------------------------------------------------------
-
-/// The numbers of subframes 1 to 3 as the message's integers.
-#[derive(Clone, Debug)]
-struct LnavFields {
-    week: i64,
-    /// Start of subframe 1, s of week.
-    tow_s: f64,
-    issue: i64,
-    ura: i64,
-    health: i64,
-    tgd: i64,
-    toc: i64,
-    af: [i64; 3],
-    toe: i64,
-    sqrt_a: i64,
-    e: i64,
-    /// i0, OMEGA0, omega, M0.
-    angles: [i64; 4],
-    /// delta n, IDOT, OMEGA DOT.
-    rates: [i64; 3],
-    /// Cuc, Cus, Crc, Crs, Cic, Cis.
-    harmonics: [i64; 6],
-}
-
-impl LnavFields {
-    fn like_prn4() -> Self {
-        Self {
-            week: 1869,
-            tow_s: 0.0,
-            issue: 74,
-            ura: 1,
-            health: 0,
-            tgd: -14,
-            toc: 450,
-            af: [-86_079, -47, 0],
-            toe: 450,
-            sqrt_a: 2_701_993_392,
-            e: 103_236_066,
-            angles: [642_872_110, 991_344_555, 762_394_200, 1_122_928_321],
-            rates: [13_802, 1_094, -23_176],
-            harmonics: [-254, 4_802, 6_331, -212, -123, -115],
-        }
-    }
-
-    fn subframes(&self) -> [[u32; 10]; 3] {
-        let [cuc, cus, crc, crs, cic, cis] = self.harmonics;
-        let [i0, omega0, omega, m0] = self.angles;
-        let [delta_n, idot, omega_dot] = self.rates;
-        let start = |number: i64| {
-            let mut bits = Bits::default();
-            bits.put(0x8b, 8).put(0, 16);
-            #[allow(clippy::cast_possible_truncation)] // below 100800
-            let count = (self.tow_s / 6.0) as i64 + number;
-            bits.put(count, 17).put(0, 2).put(number, 3).put(0, 2);
-            bits
-        };
-        let mut one = start(1);
-        one.put(self.week % 1024, 10).put(1, 2).put(self.ura, 4).put(self.health, 6).put(0, 2);
-        one.put(0, 24).put(0, 24).put(0, 24).put(0, 16).put(self.tgd, 8);
-        one.put(self.issue, 8).put(self.toc, 16);
-        one.put(self.af[2], 8).put(self.af[1], 16).put(self.af[0], 22).put(0, 2);
-        let mut two = start(2);
-        two.put(self.issue, 8).put(crs, 16).put(delta_n, 16).put(m0, 32).put(cuc, 16).put(self.e, 32);
-        two.put(cus, 16).put(self.sqrt_a, 32).put(self.toe, 16).put(0, 1).put(0, 5).put(0, 2);
-        let mut three = start(3);
-        three.put(cic, 16).put(omega0, 32).put(cis, 16).put(i0, 32).put(crc, 16).put(omega, 32);
-        three.put(omega_dot, 24).put(self.issue, 8).put(idot, 14).put(0, 2);
-        [one.words(), two.words(), three.words()]
-    }
-}
-
-#[derive(Default)]
-struct Bits(Vec<u8>);
-
-impl Bits {
-    fn put(&mut self, value: i64, count: u32) -> &mut Self {
-        self.0.extend((0..count).rev().map(|k| u8::from(value >> k & 1 == 1)));
-        self
-    }
-
-    /// Ten words with parity by the equations of table 20-XIV, bit by bit, data bits as sent.
-    fn words(&self) -> [u32; 10] {
-        assert_eq!(self.0.len(), 240);
-        let (mut d29, mut d30) = (0, 0);
-        let mut words = [0; 10];
-        for (word, data) in words.iter_mut().zip(self.0.chunks(24)) {
-            let d = |k: usize| data[k - 1];
-            let x = |bits: &[usize]| bits.iter().fold(0, |sum, k| sum ^ d(*k));
-            let parity = [
-                d29 ^ x(&[1, 2, 3, 5, 6, 10, 11, 12, 13, 14, 17, 18, 20, 23]),
-                d30 ^ x(&[2, 3, 4, 6, 7, 11, 12, 13, 14, 15, 18, 19, 21, 24]),
-                d29 ^ x(&[1, 3, 4, 5, 7, 8, 12, 13, 14, 15, 16, 19, 20, 22]),
-                d30 ^ x(&[2, 4, 5, 6, 8, 9, 13, 14, 15, 16, 17, 20, 21, 23]),
-                d30 ^ x(&[1, 3, 5, 6, 7, 9, 10, 14, 15, 16, 17, 18, 21, 22, 24]),
-                d29 ^ x(&[3, 5, 6, 8, 9, 10, 11, 13, 15, 19, 22, 23, 24]),
-            ];
-            let sent = data.iter().map(|bit| bit ^ d30).chain(parity);
-            *word = sent.fold(0, |value, bit| value << 1 | u32::from(bit));
-            (d29, d30) = (parity[4], parity[5]);
-        }
-        words
-    }
-}
-
-/// The integer whose multiple of the unit a printed number is: it must be one, or the unit is wrong.
-fn integer(value: f64, unit: f64, name: &str) -> i64 {
-    let multiple = value / unit;
-    assert!((multiple - multiple.round()).abs() < 0.02, "{name} = {value} is {multiple} units");
-    #[allow(clippy::cast_possible_truncation)]
-    let integer = multiple.round() as i64;
-    integer
-}
-
-fn unit(exponent: i32) -> f64 {
-    2_f64.powi(exponent)
-}
-
-/// One record of a RINEX 2 file: satellite number and its 31 numbers (three of the clock, seven lines of four).
-fn rinex2(text: &str) -> Vec<(u8, Vec<f64>)> {
-    let number = |field: &str| field.trim().replace('D', "E").parse::<f64>().unwrap_or(0.0);
-    let lines: Vec<&str> = text.lines().skip_while(|l| !l.contains("END OF HEADER")).skip(1).collect();
-    lines
-        .chunks_exact(8)
-        .map(|record| {
-            let mut values = Vec::new();
-            for (index, line) in record.iter().enumerate() {
-                let padded = format!("{line:80}");
-                let from = if index == 0 { 1 } else { 0 };
-                values.extend((from..4).map(|k| number(&padded[3 + 19 * k..22 + 19 * k])));
-            }
-            (record[0][..2].trim().parse().unwrap(), values)
-        })
-        .collect()
-}
-
-fn fields(v: &[f64]) -> Option<(LnavFields, GpsTime)> {
-    let ura = [2.0, 2.8, 4.0, 5.7, 8.0, 11.3, 16.0, 32.0].iter().position(|m| *m == v[23])?;
-    let semicircles = |at: usize, exponent: i32, name: &str| integer(v[at] / PI, unit(exponent), name);
-    // The week number goes with toe. Sent an hour and a half before it, on the six seconds.
-    #[allow(clippy::cast_possible_truncation)]
-    let toe = GpsTime::from_week_tow(v[21] as i64, v[11]);
-    let sent = toe - 5_400.0;
-    let sent = sent - sent.tow_s() % 30.0;
-    let fields = LnavFields {
-        week: sent.week(),
-        tow_s: sent.tow_s(),
-        issue: integer(v[3], 1.0, "IODE"),
-        ura: i64::try_from(ura).unwrap(),
-        health: integer(v[24], 1.0, "health"),
-        tgd: integer(v[25], unit(-31), "TGD"),
-        toc: integer(v[11], 16.0, "toe"),
-        af: [
-            integer(v[0], unit(-31), "af0"),
-            integer(v[1], unit(-43), "af1"),
-            integer(v[2], unit(-55), "af2"),
-        ],
-        toe: integer(v[11], 16.0, "toe"),
-        sqrt_a: integer(v[10], unit(-19), "sqrt A"),
-        e: integer(v[8], unit(-33), "e"),
-        angles: [
-            semicircles(15, -31, "i0"),
-            semicircles(13, -31, "OMEGA0"),
-            semicircles(17, -31, "omega"),
-            semicircles(6, -31, "M0"),
-        ],
-        rates: [
-            semicircles(5, -43, "delta n"),
-            semicircles(19, -43, "IDOT"),
-            semicircles(18, -43, "OMEGA DOT"),
-        ],
-        harmonics: [
-            integer(v[7], unit(-29), "Cuc"),
-            integer(v[9], unit(-29), "Cus"),
-            integer(v[16], unit(-5), "Crc"),
-            integer(v[4], unit(-5), "Crs"),
-            integer(v[12], unit(-29), "Cic"),
-            integer(v[14], unit(-29), "Cis"),
-        ],
-    };
-    Some((fields, sent))
-}
-
 /// Two broadcast files, each record as the subframes that it was made of, and back to the printed digits. The file's
 /// numbers are whole multiples of the message's units.
 #[test]
@@ -456,34 +276,6 @@ fn broadcast_files_come_back_from_their_subframes() {
 
 // --- Galileo -------------------------------------------------------------------------------------------------------------
 
-/// A page of a word: even half, odd half with empty OSNMA, SAR and spare fields, CRC by long division.
-fn page(word: &[u32; 4], with_crc: bool) -> Vec<u8> {
-    let mut bits = Bits::default();
-    let data: Vec<u8> =
-        word.iter().flat_map(|part| (0..32).rev().map(move |k| u8::from(part >> k & 1 == 1))).collect();
-    bits.put(0, 2).0.extend(&data[..112]);
-    bits.put(1, 1).put(0, 1).0.extend(&data[112..]);
-    bits.put(0, 40 + 22 + 2);
-    let crc = if with_crc { remainder(&bits.0) } else { 0 };
-    bits.put(crc, 24).put(0, 8).put(0, 4);
-    assert_eq!(bits.0.len(), 232);
-    bits.0.chunks(8).map(|byte| byte.iter().fold(0, |value, bit| value << 1 | bit)).collect()
-}
-
-/// Remainder of the bits, followed by 24 zeros, by the polynomial 1864CFB (hexadecimal).
-fn remainder(bits: &[u8]) -> i64 {
-    let mut rest: Vec<u8> = bits.to_vec();
-    rest.extend([0; 24]);
-    for at in 0..bits.len() {
-        if rest[at] == 1 {
-            for k in 0..25 {
-                rest[at + k] ^= u8::from(0x0186_4cfb_u32 >> (24 - k) & 1 == 1);
-            }
-        }
-    }
-    rest[bits.len()..].iter().fold(0, |value, bit| value << 1 | i64::from(*bit))
-}
-
 fn inav(name: &str, words: &[[u32; 4]], now: GpsTime) -> Result<Option<KeplerEphemeris>, String> {
     let mut assembler = InavAssembler::default();
     let mut last = None;
@@ -506,6 +298,93 @@ fn galileo_as_broadcast() {
     assert!(near(e.eccentricity, 1.101e-4, 1e-3) && near(e.accuracy_m, 3.12, 1e-9));
     assert!(near(e.group_delays_s.0, -4.657e-9, 1e-3) && near(e.group_delays_s.1, -5.122e-9, 1e-3));
     assert!((29.5e6..29.7e6).contains(&e.state(e.toe).position.0.norm()));
+}
+
+/// Galileo ephemerides of a broadcast file (reference vectors) as words and back. Their numbers are whole multiples of the
+/// message's units.
+#[test]
+fn galileo_ephemerides_come_back_from_their_words() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/oracle/sat/kepler_vectors_brd4.csv");
+    let Ok(text) = std::fs::read_to_string(path) else {
+        println!("skipped: {path} is not here");
+        return;
+    };
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let mut total = 0;
+    for line in lines.filter(|line| line.starts_with('E')) {
+        let values: Vec<&str> = line.split(',').collect();
+        let v =
+            |name: &str| -> f64 { values[names.iter().position(|n| *n == name).unwrap()].parse().unwrap() };
+        let name = values[0];
+        let e = inav(name, &galileo_words(&v, name[1..].parse().unwrap()), toe(&v) + 600.0).unwrap().unwrap();
+        assert_eq!((e.toe, e.toc), (toe(&v), GpsTime::from_week_tow(whole(v("toc_week")), v("toc_tow_s"))));
+        assert_eq!(i64::from(e.issue_of_data), whole(v("iode")));
+        // The vectors print BGD E1-E5a and E1-E5b as tgd0 and tgd1.
+        for (value, printed) in [
+            (e.sqrt_a, "sqrtA"),
+            (e.eccentricity, "e"),
+            (e.i0_rad, "i0"),
+            (e.omega0_rad, "Omega0"),
+            (e.omega_rad, "omega"),
+            (e.m0_rad, "M0"),
+            (e.delta_n_radps, "deltan"),
+            (e.omega_dot_radps, "OmegaDot"),
+            (e.i_dot_radps, "idot"),
+            (e.crc_crs_m.0, "crc"),
+            (e.crc_crs_m.1, "crs"),
+            (e.cuc_cus_rad.0, "cuc"),
+            (e.cuc_cus_rad.1, "cus"),
+            (e.cic_cis_rad.0, "cic"),
+            (e.cic_cis_rad.1, "cis"),
+            (e.clock.0, "af0"),
+            (e.clock.1, "af1"),
+            (e.clock.2, "af2"),
+            (e.group_delays_s.0, "tgd0"),
+            (e.group_delays_s.1, "tgd1"),
+        ] {
+            // Group delays are printed with ten digits, the others with thirteen.
+            let digits = if printed.starts_with("tgd") { 1e-9 } else { 2e-12 };
+            assert!(near(value, v(printed), digits), "{name} {printed}: {value:e}, {:e}", v(printed));
+        }
+        total += 1;
+    }
+    assert_eq!(total, 208);
+}
+
+fn whole(value: f64) -> i64 {
+    integer(value, 1.0, "integer")
+}
+
+fn toe(v: &dyn Fn(&str) -> f64) -> GpsTime {
+    GpsTime::from_week_tow(whole(v("toe_week")), v("toe_tow_s"))
+}
+
+/// Words 1 to 5 by tables 42 to 46 of the Galileo OS SIS ICD 2.1.
+fn galileo_words(v: &dyn Fn(&str) -> f64, svid: i64) -> [[u32; 4]; 5] {
+    let scaled = |name: &str, exponent: i32| integer(v(name), unit(exponent), name);
+    let angle = |name: &str, exponent: i32| integer(v(name) / PI, unit(exponent), name);
+    let issue = whole(v("iode"));
+    let mut words: [Bits; 5] = Default::default();
+    let [one, two, three, four, five] = &mut words;
+    one.put(1, 6).put(issue, 10).put(scaled("toe_tow_s", 0) / 60, 14).put(angle("M0", -31), 32);
+    one.put(scaled("e", -33), 32).put(scaled("sqrtA", -19), 32).put(0, 2);
+    two.put(2, 6).put(issue, 10).put(angle("Omega0", -31), 32).put(angle("i0", -31), 32);
+    two.put(angle("omega", -31), 32).put(angle("idot", -43), 14).put(0, 2);
+    three.put(3, 6).put(issue, 10).put(angle("OmegaDot", -43), 24).put(angle("deltan", -43), 16);
+    three.put(scaled("cuc", -29), 16).put(scaled("cus", -29), 16);
+    three.put(scaled("crc", -5), 16).put(scaled("crs", -5), 16).put(107, 8);
+    four.put(4, 6).put(issue, 10).put(svid, 6).put(scaled("cic", -29), 16).put(scaled("cis", -29), 16);
+    four.put(scaled("toc_tow_s", 0) / 60, 14).put(scaled("af0", -34), 31);
+    four.put(scaled("af1", -46), 21).put(scaled("af2", -59), 6).put(0, 2);
+    five.put(5, 6).put(0, 11 + 11 + 14 + 5).put(scaled("tgd0", -32), 10).put(scaled("tgd1", -32), 10);
+    five.put(0, 6).put(toe(v).week() - 1024, 12).put(0, 20).put(0, 23);
+    words.map(|bits| {
+        assert_eq!(bits.0.len(), 128);
+        std::array::from_fn(|k| {
+            bits.0[32 * k..32 * k + 32].iter().fold(0, |value, b| value << 1 | u32::from(*b))
+        })
+    })
 }
 
 #[test]

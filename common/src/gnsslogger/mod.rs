@@ -4,7 +4,7 @@
 //! `Nav` (a piece of a navigation message), `Status` and sensor lines, which are not used. Columns are found by the names in
 //! the `# Raw,…` header line.
 //!
-//! Pseudorange: [`pseudorange`](self) = c·(t_rx − t_tx) with t_rx by the phone's clock fields, in whole nanoseconds. Masks
+//! Pseudoranges are c·(t_rx − t_tx) with t_rx by the phone's clock fields, in whole nanoseconds. Masks
 //! ([`Masks`]) and everything else that costs a measurement are counted by name.
 
 mod clock;
