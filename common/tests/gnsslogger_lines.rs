@@ -578,6 +578,8 @@ fn other_streams_are_refused() {
         let error = decoder.finish().unwrap_err();
         assert!(error.reason.starts_with("not a GnssLogger text log"), "{error}");
         assert!(decoder.next_record().is_none());
+        let portions: Vec<&[u8]> = text.as_bytes().chunks(4_093).collect();
+        assert_eq!(outcome(&portions), outcome(&[text.as_bytes()]));
     }
 }
 

@@ -46,6 +46,24 @@ const UNUSED_KINDS: [&[u8]; 20] = [
 ///
 /// An epoch is complete when a line of the next one has come, or with [`Decoder::finish`]. A last line without its line end
 /// is not used: it may be cut.
+///
+/// ```
+/// use cofix_common::decode::{Decoder, Record};
+/// use cofix_common::gnsslogger::GnssLoggerDecoder;
+/// # let portions: [&[u8]; 1] = [b"# Fix,Provider,Latitude,Longitude,Altitude,Speed,Accuracy,(UTC)TimeInMs\n"];
+/// let mut decoder = GnssLoggerDecoder::default();
+/// for portion in portions {
+///     decoder.feed(portion)?;
+///     while let Some(record) = decoder.next_record() {
+///         if let Record::Epoch(epoch) = record {
+///             println!("{}: {} signals", epoch.time_gps, epoch.observations.len());
+///         }
+///     }
+/// }
+/// decoder.finish()?; // the last epoch
+/// println!("{}", decoder.skips());
+/// # Ok::<(), cofix_common::decode::WrongStream>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct GnssLoggerDecoder {
     options: Options,
