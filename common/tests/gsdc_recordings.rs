@@ -5,14 +5,13 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use cofix_common::accuracy::{Accuracy, score};
+use cofix_common::accuracy::{Accuracy, Solution, score};
 use cofix_common::frames::Ecef;
 use cofix_common::gsdc::{DerivedFile, ground_truth};
 use cofix_common::integrity::{RaimOptions, solve_with_raim};
 use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};
 use cofix_common::orbit::Products;
 use cofix_common::solve::solve_position;
-use cofix_common::time::GpsTime;
 
 fn shared(path: &str) -> Option<Vec<u8>> {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/gsdc-2020-05-14-mtv1"))
@@ -36,11 +35,7 @@ fn table() -> Option<Vec<u8>> {
 }
 
 /// Epoch-wise solutions from the table's own satellite states and corrections.
-fn solutions(
-    file: &DerivedFile,
-    options: CorrectionOptions,
-    raim: Option<&RaimOptions>,
-) -> Vec<(GpsTime, Ecef)> {
+fn solutions(file: &DerivedFile, options: CorrectionOptions, raim: Option<&RaimOptions>) -> Vec<Solution> {
     let mut corrector = Corrector::new(Arc::new(Products::default()), options);
     let mut solved = Vec::new();
     for epoch in &file.epochs {
@@ -53,7 +48,11 @@ fn solutions(
             None => solve_position(&corrected, rough.position()),
         };
         if let Ok(fit) = fit {
-            solved.push((epoch.time_gps, fit.position()));
+            solved.push(Solution {
+                time_gps: epoch.time_gps,
+                position: fit.position(),
+                covariance: fit.position_covariance(),
+            });
         }
     }
     solved

@@ -35,6 +35,7 @@ fn take(decoder: &mut RtcmDecoder) -> Vec<ObservationEpoch> {
     std::iter::from_fn(|| decoder.next_record())
         .map(|record| match record {
             Record::Epoch(epoch) => epoch,
+            Record::Glonass(e) => panic!("{e:?}"),
             Record::Ephemeris(e) => panic!("no ephemerides in this stream, but {}", e.satellite),
         })
         .collect()

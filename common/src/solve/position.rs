@@ -1,6 +1,6 @@
 //! Position and receiver clocks by iterated weighted least squares (Cappello 2023, Eq. 2-3).
 
-use nalgebra::{Cholesky, U3, Vector3};
+use nalgebra::{Cholesky, Matrix3, U3, Vector3};
 
 use super::elimination::{Eliminated, Row};
 use super::groups::ClockGroups;
@@ -111,6 +111,11 @@ impl Fit {
         self.position
     }
 
+    /// Its covariance in ECEF by the stochastic model, m².
+    pub fn position_covariance(&self) -> Matrix3<f64> {
+        self.factor.inverse()
+    }
+
     /// Measurements less unknowns, m − n.
     pub fn degrees_of_freedom(&self) -> usize {
         self.rows.len() - 3 - self.groups.len()
@@ -188,7 +193,7 @@ impl Fit {
     pub fn to_solution(&self, velocity: Option<VelocitySolution>) -> Option<PointSolution> {
         Some(PointSolution {
             position: self.position,
-            position_covariance: self.factor.inverse(),
+            position_covariance: self.position_covariance(),
             clocks_m: self.groups.iter().collect(),
             velocity,
             dops: self.dops()?,

@@ -1,0 +1,29 @@
+//! Text logs of Google's GnssLogger app, all versions from 2016 on.
+//!
+//! Lines are comma-separated and begin with their kind: `Raw` (one signal of one epoch), `Fix` (the phone's own position),
+//! `Nav` (a piece of a navigation message), `Status` and sensor lines, which are not used. Columns are found by the names in
+//! the `# Raw,…` header line.
+//!
+//! Pseudoranges are c·(t_rx − t_tx) with t_rx by the phone's clock fields, in whole nanoseconds. Masks
+//! ([`Masks`]) and everything else that costs a measurement are counted by name.
+
+mod clock;
+mod columns;
+mod decoder;
+mod epochs;
+mod fields;
+mod fix;
+mod leap;
+mod lines;
+mod measure;
+mod nav;
+mod options;
+mod pseudorange;
+mod raw;
+mod recognition;
+mod signal;
+mod table;
+
+pub use decoder::GnssLoggerDecoder;
+pub use fix::{Fix, FixProvider};
+pub use options::{BiasReference, Masks, Options, StateRule, StateRules, state};
