@@ -48,6 +48,10 @@ fn variants() -> Vec<Variant> {
             ConstraintOptions { distance_model: DistanceModel::Radial, ..default },
         ),
         ours("intervals enlarged (Alg. 1)", ConstraintOptions { enlargement: peng, ..default }),
+        Variant {
+            engine: EngineOptions { feedback: false, ..EngineOptions::default() },
+            ..ours("constraints not fed back", default)
+        },
         ours("constraints of Peng 2023", ConstraintOptions::peng2023()),
         Variant {
             name: "all of Peng 2023",
