@@ -85,9 +85,9 @@ fn wh_3_08() {
 fn wh_3_09() {
     check_session(&Measured {
         session: "WH-3-09",
-        wls: (1.894, 5.158),
-        local: (1.275, 2.738),
-        joint: (0.634, 1.493),
+        wls: (1.888, 5.158),
+        local: (1.274, 2.737),
+        joint: (0.632, 1.492),
     });
 }
 
@@ -95,8 +95,8 @@ fn wh_3_09() {
 fn wh_4_06() {
     check_session(&Measured {
         session: "WH-4-06",
-        wls: (1.842, 4.674),
-        local: (1.089, 2.200),
-        joint: (0.764, 1.636),
+        wls: (1.840, 4.674),
+        local: (1.092, 2.201),
+        joint: (0.761, 1.636),
     });
 }
