@@ -12,6 +12,7 @@ use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_agent::source;
 use cofix_common::accuracy::Accuracy;
 use cofix_common::constraint::{ConstraintOptions, DistanceModel, Enlargement, Method};
+use cofix_common::gnss::ObservationEpoch;
 use cofix_common::orbit::Products;
 use cofix_common::wire::EpochMessage;
 use cofix_hub::align::{AlignOptions, Aligner};
@@ -26,6 +27,35 @@ struct Variant {
     pipeline: PipelineOptions,
     engine: EngineOptions,
     constrained: bool,
+    bands: Bands,
+}
+
+/// Which signals are offered.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Bands {
+    All,
+    /// L1, E1, B1I.
+    First,
+    /// L5 and E5a of the satellites that have it, the first band of the others.
+    FifthElseFirst,
+}
+
+impl Bands {
+    fn keep(self, epoch: &ObservationEpoch) -> ObservationEpoch {
+        let has_fifth = |satellite| {
+            epoch
+                .observations
+                .iter()
+                .any(|o| o.satellite == satellite && o.signal.band == b'5' && o.pseudorange_m.is_some())
+        };
+        let mut kept = epoch.clone();
+        kept.observations.retain(|o| match self {
+            Self::All => true,
+            Self::First => o.signal.band != b'5',
+            Self::FifthElseFirst => o.signal.band == b'5' || !has_fifth(o.satellite),
+        });
+        kept
+    }
 }
 
 fn variants() -> Vec<Variant> {
@@ -34,6 +64,7 @@ fn variants() -> Vec<Variant> {
         pipeline: PipelineOptions::default(),
         engine: EngineOptions { constraints, ..EngineOptions::default() },
         constrained: true,
+        bands: Bands::All,
     };
     let default = ConstraintOptions::default();
     let sequential = Method::Sequential { max_sweeps: 5 };
@@ -58,7 +89,10 @@ fn variants() -> Vec<Variant> {
             pipeline: PipelineOptions::peng2023(),
             engine: EngineOptions::peng2023(),
             constrained: true,
+            bands: Bands::All,
         },
+        Variant { bands: Bands::First, ..ours("L1, E1 and B1I only", default) },
+        Variant { bands: Bands::FifthElseFirst, ..ours("L5 and E5a where present, else L1", default) },
     ]
 }
 
@@ -91,7 +125,7 @@ fn run(
         let observations = source::observations(&phone.source).context("observations")?;
         let mut pipeline = PhonePipeline::new(&phone.name, Arc::clone(products), variant.pipeline.clone());
         for epoch in observations.epochs.iter() {
-            let message: EpochMessage = pipeline.process(epoch);
+            let message: EpochMessage = pipeline.process(&variant.bands.keep(epoch));
             aligner.push(index, message, Duration::ZERO);
         }
         aligner.finish(index);
