@@ -65,6 +65,27 @@ pub struct PreparedObservation {
     position: Ecef,
     velocity: EcefVector,
     extra_variance_m2: f64,
+    /// Ionosphere and troposphere together where the recording itself states them, m.
+    atmosphere_m: Option<f64>,
+}
+
+/// Satellite state and corrections that came with a recording, in place of those from products.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GivenCorrections {
+    /// Satellite at transmission, m, in the Earth-fixed frame of the *transmission*.
+    pub satellite_position: Ecef,
+    /// Its velocity in the same frame, m/s.
+    pub satellite_velocity: EcefVector,
+    /// Satellite clock offset, relativity and group delay included, m.
+    pub clock_m: f64,
+    /// Its drift, m/s.
+    pub clock_drift_mps: f64,
+    /// Receiver bias between signals, m; taken from the pseudorange.
+    pub receiver_bias_m: f64,
+    /// Ionospheric and tropospheric delay of this signal together, m.
+    pub atmosphere_m: f64,
+    /// Standard deviation of orbit and clock together along the line of sight, m.
+    pub sigma_m: f64,
 }
 
 impl Corrector {
@@ -84,10 +105,7 @@ impl Corrector {
         let mut last: Option<PreparedState> = None;
         for observation in &epoch.observations {
             let Some(pseudorange_m) = observation.pseudorange_m else { continue };
-            if observation.cn0_dbhz.is_some_and(|cn0| cn0 < self.options.minimum_cn0_dbhz) {
-                self.skips.add("C/N0 below the mask", || {
-                    format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
-                });
+            if self.is_weak(observation, epoch.time_gps) {
                 continue;
             }
             let state = match last {
@@ -109,6 +127,52 @@ impl Corrector {
             prepared.push(self.combine(observation, frequency_hz, pseudorange_m, &state));
         }
         prepared
+    }
+
+    /// The same for an observation whose satellite state and corrections came with it. `frequency_hz` is the carrier's, where
+    /// it is known; only range rates need it. `None` without a pseudorange, and for a signal below the mask.
+    pub fn prepare_given(
+        &mut self,
+        observation: &Observation,
+        frequency_hz: Option<f64>,
+        time_gps: GpsTime,
+        given: &GivenCorrections,
+    ) -> Option<PreparedObservation> {
+        let pseudorange_m = observation.pseudorange_m?;
+        if self.is_weak(observation, time_gps) {
+            return None;
+        }
+        let range_rate =
+            |doppler_hz: f64| Some(-SPEED_OF_LIGHT_MPS / frequency_hz? * doppler_hz + given.clock_drift_mps);
+        Some(PreparedObservation {
+            observation: *observation,
+            frequency_hz: frequency_hz.unwrap_or(f64::NAN),
+            pseudorange_m: pseudorange_m + given.clock_m - given.receiver_bias_m,
+            range_rate_mps: observation.doppler_hz.and_then(range_rate),
+            position: given.satellite_position,
+            velocity: given.satellite_velocity,
+            extra_variance_m2: given.sigma_m.powi(2) + self.system_variance_m2(observation),
+            atmosphere_m: Some(given.atmosphere_m),
+        })
+    }
+
+    /// Whether a signal is below the mask; counts it.
+    fn is_weak(&mut self, observation: &Observation, time_gps: GpsTime) -> bool {
+        let weak = observation.cn0_dbhz.is_some_and(|cn0| cn0 < self.options.minimum_cn0_dbhz);
+        if weak {
+            self.skips.add("C/N0 below the mask", || {
+                format!("{} {} at {time_gps}", observation.satellite, observation.signal)
+            });
+        }
+        weak
+    }
+
+    /// What a system's clocks and group delays add to the variance, m².
+    fn system_variance_m2(&self, observation: &Observation) -> f64 {
+        match observation.satellite.constellation {
+            Constellation::Beidou => self.options.beidou_bias_sigma_m.powi(2),
+            _ => 0.0,
+        }
     }
 
     /// The satellite's state at transmission: t_tx = t_rx − P/c − dT_s.
@@ -150,8 +214,7 @@ impl Corrector {
             state.clock_reference,
             prepared.time_gps,
         );
-        let CorrectionOptions { unknown_group_delay_sigma_m: unknown, beidou_bias_sigma_m: beidou, .. } =
-            self.options;
+        let unknown = self.options.unknown_group_delay_sigma_m;
         if group_delay_m.is_none() {
             self.skips.add("group delay unknown, used with a larger sigma", || {
                 format!("{} {}", observation.satellite, observation.signal)
@@ -169,11 +232,8 @@ impl Corrector {
             velocity: state.velocity,
             extra_variance_m2: state.sigma_m.powi(2)
                 + if group_delay_m.is_none() { unknown * unknown } else { 0.0 }
-                + if observation.satellite.constellation == Constellation::Beidou {
-                    beidou * beidou
-                } else {
-                    0.0
-                },
+                + self.system_variance_m2(observation),
+            atmosphere_m: None,
         }
     }
 
@@ -297,12 +357,10 @@ impl View {
         seen: &Seen,
         products: &Products,
     ) -> CorrectedObservation {
-        let geodetic = self.frame.geodetic();
-        let ionosphere_m = products.ionosphere().map_or(0.0, |coefficients| {
-            let l1_m = klobuchar_delay_l1_m(&coefficients, geodetic, seen.direction, self.time_gps);
-            scale_from_l1(l1_m, prepared.frequency_hz)
-        });
-        let troposphere_m = saastamoinen_delay_m(geodetic, seen.direction, self.options.relative_humidity);
+        let (ionosphere_m, troposphere_m) = match prepared.atmosphere_m {
+            Some(both_m) => (both_m, 0.0),
+            None => self.atmosphere_m(prepared, seen.direction, products),
+        };
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
         let StochasticModel { code, rate } = self.options.stochastic;
@@ -314,5 +372,20 @@ impl View {
             variance.sqrt(),
             rate.variance(cn0_dbhz, elevation_rad).sqrt(),
         )
+    }
+
+    /// Ionospheric and tropospheric delay by the models, m.
+    fn atmosphere_m(
+        &self,
+        prepared: &PreparedObservation,
+        direction: Direction,
+        products: &Products,
+    ) -> (f64, f64) {
+        let geodetic = self.frame.geodetic();
+        let ionosphere_m = products.ionosphere().map_or(0.0, |coefficients| {
+            let l1_m = klobuchar_delay_l1_m(&coefficients, geodetic, direction, self.time_gps);
+            scale_from_l1(l1_m, prepared.frequency_hz)
+        });
+        (ionosphere_m, saastamoinen_delay_m(geodetic, direction, self.options.relative_humidity))
     }
 }

@@ -5,7 +5,7 @@ mod correct;
 pub(crate) mod sky;
 mod stochastic;
 
-pub use correct::{CorrectionOptions, Corrector, PreparedObservation, without_position};
+pub use correct::{CorrectionOptions, Corrector, GivenCorrections, PreparedObservation, without_position};
 pub use stochastic::{StochasticModel, VarianceModel};
 
 use serde::{Deserialize, Serialize};

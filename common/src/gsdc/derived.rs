@@ -1,0 +1,226 @@
+//! The tables of pseudoranges with corrections.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use super::columns::Columns;
+use super::line::{Lines, fields};
+use super::row::{self, Row};
+use crate::decode::{Decoder, Record, WrongStream};
+use crate::gnss::{EpochFlag, Observation, ObservationEpoch};
+use crate::measurement::{Corrector, GivenCorrections, PreparedObservation};
+use crate::skips::Skips;
+use crate::time::GpsTime;
+
+/// An epoch is complete when a row this much later comes, s: rows need not be in order of time within this span.
+const REORDER_S: f64 = 60.0;
+/// A longer step forward than this (s) is believed only when the next row confirms it.
+const MAX_STEP_S: f64 = 86_400.0;
+
+/// One satellite's signal at one epoch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DerivedObservation {
+    /// The raw observation.
+    pub observation: Observation,
+    /// Carrier frequency, Hz, where it is known.
+    pub frequency_hz: Option<f64>,
+    /// The phone's own standard deviation of the pseudorange, m.
+    pub pseudorange_sigma_m: Option<f64>,
+    /// Satellite state and corrections as the table gives them; `None` where they are missing.
+    pub given: Option<GivenCorrections>,
+}
+
+/// The rows of one epoch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DerivedEpoch {
+    /// Receive time, GPS time. 2021: to the millisecond.
+    pub time_gps: GpsTime,
+    /// One per satellite and signal, in file order.
+    pub observations: Vec<DerivedObservation>,
+}
+
+impl DerivedEpoch {
+    /// The raw observations, to be corrected with other products.
+    pub fn to_observations(&self) -> ObservationEpoch {
+        ObservationEpoch {
+            time_gps: self.time_gps,
+            flag: EpochFlag::Ok,
+            observations: self.observations.iter().map(|derived| derived.observation).collect(),
+        }
+    }
+
+    /// The observations with the table's own satellite states and corrections, in place of [`Corrector::prepare`];
+    /// [`Corrector::finish`] then sees them from a position.
+    pub fn prepare(&self, corrector: &mut Corrector) -> Vec<PreparedObservation> {
+        self.observations
+            .iter()
+            .filter_map(|derived| {
+                let given = derived.given.as_ref()?;
+                corrector.prepare_given(&derived.observation, derived.frequency_hz, self.time_gps, given)
+            })
+            .collect()
+    }
+}
+
+/// A whole table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DerivedFile {
+    /// Epochs, in time order.
+    pub epochs: Vec<DerivedEpoch>,
+    /// What was skipped.
+    pub skips: Skips,
+}
+
+impl DerivedFile {
+    /// Reads a whole table.
+    ///
+    /// # Errors
+    /// When the first line is not the header of such a table; it says which columns are missing.
+    pub fn parse(bytes: &[u8]) -> Result<Self, WrongStream> {
+        let mut decoder = DerivedDecoder::default();
+        decoder.feed(bytes)?;
+        decoder.finish()?;
+        Ok(Self { epochs: decoder.ready.into(), skips: decoder.skips })
+    }
+}
+
+/// Decodes a table as a stream. As a [`Decoder`] it gives the raw observations; [`DerivedDecoder::next_epoch`] gives them with
+/// their corrections.
+#[derive(Clone, Debug, Default)]
+pub struct DerivedDecoder {
+    lines: Lines,
+    state: Table,
+    ready: VecDeque<DerivedEpoch>,
+    skips: Skips,
+}
+
+/// The table so far.
+#[derive(Clone, Debug, Default)]
+struct Table {
+    /// Once the header was read.
+    columns: Option<Result<Columns, WrongStream>>,
+    /// Epochs to which rows may still come.
+    open: BTreeMap<GpsTime, DerivedEpoch>,
+    latest: Option<GpsTime>,
+    suspect: Option<GpsTime>,
+    /// Up to here epochs were given out.
+    closed: Option<GpsTime>,
+}
+
+impl DerivedDecoder {
+    /// The next epoch with its corrections, in time order; `None` until more bytes come.
+    pub fn next_epoch(&mut self) -> Option<DerivedEpoch> {
+        self.ready.pop_front()
+    }
+}
+
+impl Table {
+    fn line(&mut self, number: u64, line: &[u8], skips: &mut Skips) {
+        let fields = fields(line);
+        if fields.iter().all(|field| field.is_empty()) {
+            return;
+        }
+        match &self.columns {
+            None => self.columns = Some(Columns::find(&fields).map_err(|reason| WrongStream { reason })),
+            Some(Ok(columns)) => match row::read(columns, &fields) {
+                Ok(row) => self.row(number, row, skips),
+                Err(fault) => skips.add(fault.reason, || format!("line {number}: {}", fault.detail)),
+            },
+            Some(Err(_)) => {}
+        }
+    }
+
+    fn row(&mut self, number: u64, row: Row, skips: &mut Skips) {
+        let Row { time_gps, shift_s, derived, lack } = row;
+        let (satellite, signal) = (derived.observation.satellite, derived.observation.signal);
+        if !self.is_in_time(time_gps) {
+            return skips
+                .add("row out of the order of time", || format!("line {number}: {satellite} at {time_gps}"));
+        }
+        if shift_s != 0.0 {
+            skips.add("epoch corrected by whole seconds, row used", || {
+                format!("line {number}: {time_gps} was written {shift_s} s later")
+            });
+        }
+        let epoch =
+            self.open.entry(time_gps).or_insert_with(|| DerivedEpoch { time_gps, observations: Vec::new() });
+        let same = |known: &DerivedObservation| {
+            (known.observation.satellite, known.observation.signal) == (satellite, signal)
+        };
+        if epoch.observations.iter().any(same) {
+            return skips.add("signal twice in one epoch", || {
+                format!("line {number}: {satellite} {signal} at {time_gps}")
+            });
+        }
+        if let Some(lack) = lack {
+            skips.add("no corrections in the row, raw observation kept", || {
+                format!("line {number}: {satellite}: {lack}")
+            });
+        }
+        epoch.observations.push(derived);
+    }
+
+    /// Whether a row's epoch may still get rows.
+    fn is_in_time(&mut self, time: GpsTime) -> bool {
+        if self.closed.is_some_and(|closed| time <= closed) {
+            return false;
+        }
+        if let Some(latest) = self.latest {
+            let confirmed = self.suspect.is_some_and(|suspect| (time - suspect).abs() <= MAX_STEP_S);
+            if time - latest > MAX_STEP_S && !confirmed {
+                self.suspect = Some(time);
+                return false;
+            }
+        }
+        self.suspect = None;
+        self.latest = self.latest.max(Some(time));
+        true
+    }
+
+    /// Takes out the epochs that are complete; all of them at the end.
+    fn complete(&mut self, ended: bool, ready: &mut VecDeque<DerivedEpoch>) {
+        while let Some(entry) = self.open.first_entry() {
+            if !ended && self.latest.is_none_or(|latest| latest - *entry.key() <= REORDER_S) {
+                break;
+            }
+            self.closed = Some(*entry.key());
+            ready.push_back(entry.remove());
+        }
+    }
+}
+
+impl Decoder for DerivedDecoder {
+    fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
+        let Self { lines, state, ready, skips } = self;
+        lines.feed(bytes, skips, |number, line, skips| {
+            state.line(number, line, skips);
+            state.complete(false, ready);
+        });
+        match &self.state.columns {
+            Some(Err(wrong)) => Err(wrong.clone()),
+            _ => Ok(()),
+        }
+    }
+
+    /// A last line without a line end may be cut short in its last number, and is dropped.
+    fn finish(&mut self) -> Result<(), WrongStream> {
+        if let Some((number, rest)) = self.lines.rest() {
+            let length = rest.len();
+            self.skips
+                .add("last line is cut off", || format!("line {number}: {length} bytes without a line end"));
+        }
+        self.state.complete(true, &mut self.ready);
+        match &self.state.columns {
+            Some(Ok(_)) => Ok(()),
+            Some(Err(wrong)) => Err(wrong.clone()),
+            None => Err(WrongStream { reason: "not a challenge table: no header line".to_owned() }),
+        }
+    }
+
+    fn next_record(&mut self) -> Option<Record> {
+        self.next_epoch().map(|epoch| Record::Epoch(epoch.to_observations()))
+    }
+
+    fn skips(&self) -> &Skips {
+        &self.skips
+    }
+}

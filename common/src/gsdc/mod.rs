@@ -1,0 +1,19 @@
+//! Recordings of the Google Smartphone Decimeter Challenge: tables of pseudoranges with the satellites' positions and all
+//! corrections, and their ground truths.
+//!
+//! Two generations are read, told apart by the names in the header: `*_derived.csv` of 2021 and `device_gnss.csv` since
+//! 2022. Fu, Khider, van Diggelen, "Android raw GNSS measurement datasets for precise positioning", ION GNSS+ 2020, and
+//! the data descriptions of the two challenges.
+
+mod columns;
+mod derived;
+mod line;
+mod row;
+mod signal;
+mod truth;
+
+pub use derived::{DerivedDecoder, DerivedEpoch, DerivedFile, DerivedObservation};
+pub use truth::ground_truth;
+
+/// GPS − UTC in the years of the challenges, s (since 2017-01-01).
+const LEAP_SECONDS: i64 = 18;

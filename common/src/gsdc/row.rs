@@ -1,0 +1,246 @@
+//! One row: its fields to numbers, checked against what can be.
+
+use super::columns::{Columns, Generation, Optional, Required};
+use super::derived::DerivedObservation;
+use super::signal;
+use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::frames::{Ecef, EcefVector};
+use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId, SignalCode};
+use crate::measurement::GivenCorrections;
+use crate::time::GpsTime;
+
+/// Pseudoranges outside these bounds (m) are impossible: no satellite in use is nearer or farther.
+const PSEUDORANGE_BOUNDS_M: (f64, f64) = (1e6, 1e9);
+/// Distances of navigation satellites from the Earth's centre, with ample room, m.
+const ORBIT_BOUNDS_M: (f64, f64) = (1.5e7, 6e7);
+/// Largest speed of a satellite, m/s.
+const MAX_SPEED_MPS: f64 = 1e4;
+/// Largest satellite clock offset (10 ms), m.
+const MAX_CLOCK_M: f64 = 3e6;
+/// Largest satellite clock drift, m/s.
+const MAX_DRIFT_MPS: f64 = 10.0;
+/// Largest delay in the atmosphere, m.
+const MAX_DELAY_M: f64 = 500.0;
+/// Largest Doppler, Hz.
+const MAX_DOPPLER_HZ: f64 = 5e4;
+/// Epoch and arrival may differ by this much after whole seconds are taken off, s. The epoch is cut to a millisecond.
+const MAX_TAG_ERROR_S: f64 = 0.1;
+/// A receiver clock that is still being set may be off by this much, s.
+const MAX_TAG_SHIFT_S: f64 = 2.0;
+/// Standard deviation of orbit and clock along the line of sight, m: broadcast ephemerides were used, whose accuracy the
+/// files do not carry (URA index 0 stands for up to 2.4 m).
+const ORBIT_SIGMA_M: f64 = 2.0;
+/// Highest time that a 64-bit count of nanoseconds since 1980 leaves room to calculate with.
+const MAX_NANOS: i64 = i64::MAX / 2;
+
+/// A row that was read.
+#[derive(Clone, Debug)]
+pub(super) struct Row {
+    /// Epoch.
+    pub(super) time_gps: GpsTime,
+    /// Whole seconds by which the epoch as written was off.
+    pub(super) shift_s: f64,
+    /// The observation.
+    pub(super) derived: DerivedObservation,
+    /// Why there are no corrections, if there are none.
+    pub(super) lack: Option<String>,
+}
+
+/// Why a row gives nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Fault {
+    /// Reason to count under.
+    pub(super) reason: &'static str,
+    /// Column and value.
+    pub(super) detail: String,
+}
+
+/// A row's fields by column.
+struct Fields<'a> {
+    columns: &'a Columns,
+    fields: &'a [&'a str],
+}
+
+impl Fields<'_> {
+    fn text(&self, column: Required) -> &str {
+        self.columns.required(self.fields, column)
+    }
+
+    /// A number that must be there, and within bounds.
+    fn number(&self, column: Required, (low, high): (f64, f64)) -> Result<f64, Fault> {
+        let text = self.text(column);
+        let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
+        let name = self.columns.name(column);
+        let value = value.ok_or_else(|| Fault {
+            reason: "value missing or not a number",
+            detail: format!("{name} '{}'", shorten(text)),
+        })?;
+        if (low..=high).contains(&value) {
+            return Ok(value);
+        }
+        Err(Fault { reason: "impossible value", detail: format!("{name} = {value}, limits {low} to {high}") })
+    }
+
+    fn symmetric(&self, column: Required, limit: f64) -> Result<f64, Fault> {
+        self.number(column, (-limit, limit))
+    }
+
+    /// A whole number of nanoseconds or milliseconds.
+    fn count(&self, column: Required, limit: i64) -> Result<i64, Fault> {
+        let text = self.text(column);
+        // Tools that pass through floating point write ".0".
+        let whole = text.strip_suffix(".0").unwrap_or(text);
+        let value = whole.parse::<i64>().ok().filter(|value| (0..=limit).contains(value));
+        value.ok_or_else(|| Fault {
+            reason: "time missing or impossible",
+            detail: format!("{} '{}'", self.columns.name(column), shorten(text)),
+        })
+    }
+
+    fn optional(&self, column: Optional) -> Option<f64> {
+        self.columns.optional(self.fields, column).parse().ok().filter(|value: &f64| value.is_finite())
+    }
+}
+
+fn shorten(text: &str) -> String {
+    text.chars().take(40).collect()
+}
+
+/// Reads a row.
+pub(super) fn read(columns: &Columns, fields: &[&str]) -> Result<Row, Fault> {
+    let fields = Fields { columns, fields };
+    let (satellite, signal) = names(&fields)?;
+    let (low, high) = PSEUDORANGE_BOUNDS_M;
+    let pseudorange_m = fields.number(Required::Pseudorange, (low, high))?;
+    let (time_gps, shift_s) = time(&fields, pseudorange_m)?;
+    let (given, lack) = match given(&fields) {
+        Ok(given) => (Some(given), None),
+        Err(fault) => (None, Some(fault.detail)),
+    };
+    let frequency_hz = frequency_hz(&fields, satellite, signal);
+    let derived = DerivedObservation {
+        observation: observation(&fields, satellite, signal, pseudorange_m, frequency_hz),
+        frequency_hz,
+        pseudorange_sigma_m: fields.optional(Optional::PseudorangeUncertainty).filter(|sigma| *sigma > 0.0),
+        given,
+    };
+    Ok(Row { time_gps, shift_s, derived, lack })
+}
+
+fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
+    let (constellation, number) = (fields.text(Required::Constellation), fields.text(Required::Satellite));
+    let satellite = signal::satellite(constellation, number).ok_or_else(|| Fault {
+        reason: "satellite that is not used",
+        detail: format!("constellation type '{}', svid '{}'", shorten(constellation), shorten(number)),
+    })?;
+    let name = fields.text(Required::Signal);
+    let code_type = fields.columns.optional(fields.fields, Optional::CodeType);
+    let signal = signal::signal(satellite.constellation, name, code_type).ok_or_else(|| Fault {
+        reason: "signal that is not used",
+        detail: format!("{satellite} '{}'", shorten(name)),
+    })?;
+    Ok((satellite, signal))
+}
+
+/// The epoch, and the whole seconds taken off. In the files of 2021 an epoch carries the time of the next one; the arrival
+/// that follows from transmission and pseudorange tells.
+fn time(fields: &Fields<'_>, pseudorange_m: f64) -> Result<(GpsTime, f64), Fault> {
+    let written = match fields.columns.generation {
+        Generation::Derived2021 => fields.count(Required::Time, MAX_NANOS / 1_000_000)? * 1_000_000,
+        Generation::Device2022 => fields.count(Required::Time, MAX_NANOS)?,
+    };
+    let written = GpsTime::from_nanos(written);
+    let transmission = GpsTime::from_nanos(fields.count(Required::Transmission, MAX_NANOS)?);
+    let late_s = written - (transmission + pseudorange_m / SPEED_OF_LIGHT_MPS);
+    let shift_s = late_s.round();
+    if shift_s.abs() > MAX_TAG_SHIFT_S || (late_s - shift_s).abs() > MAX_TAG_ERROR_S {
+        return Err(Fault {
+            reason: "epoch contradicts transmission and pseudorange",
+            detail: format!("{written} is {late_s:.3} s after the arrival"),
+        });
+    }
+    Ok((written - shift_s, shift_s))
+}
+
+fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
+    use Required::{
+        ClockBias, ClockDrift, Ionosphere, PositionX, PositionY, PositionZ, ReceiverBias, Troposphere,
+        VelocityX, VelocityY, VelocityZ,
+    };
+    let (low, high) = ORBIT_BOUNDS_M;
+    let [x, y, z] = [PositionX, PositionY, PositionZ].map(|column| fields.symmetric(column, high));
+    let position = Ecef::new(x?, y?, z?);
+    let distance_m = position.0.norm();
+    if !(low..=high).contains(&distance_m) {
+        return Err(Fault {
+            reason: "impossible value",
+            detail: format!("satellite {distance_m} m from the Earth's centre"),
+        });
+    }
+    let [vx, vy, vz] =
+        [VelocityX, VelocityY, VelocityZ].map(|column| fields.symmetric(column, MAX_SPEED_MPS));
+    Ok(GivenCorrections {
+        satellite_position: position,
+        satellite_velocity: EcefVector::new(vx?, vy?, vz?),
+        clock_m: fields.symmetric(ClockBias, MAX_CLOCK_M)?,
+        clock_drift_mps: fields.symmetric(ClockDrift, MAX_DRIFT_MPS)?,
+        receiver_bias_m: fields.symmetric(ReceiverBias, PSEUDORANGE_BOUNDS_M.0)?,
+        atmosphere_m: fields.symmetric(Ionosphere, MAX_DELAY_M)?
+            + fields.symmetric(Troposphere, MAX_DELAY_M)?,
+        sigma_m: ORBIT_SIGMA_M,
+    })
+}
+
+/// Carrier frequency: the signal's own, for GLONASS the recorded one.
+fn frequency_hz(fields: &Fields<'_>, satellite: SatelliteId, signal: SignalCode) -> Option<f64> {
+    let nominal = signal.frequency_hz(satellite.constellation, None);
+    let recorded = || {
+        fields
+            .optional(Optional::CarrierFrequency)
+            .filter(|f| satellite.constellation == Constellation::Glonass && (1.59e9..1.61e9).contains(f))
+    };
+    nominal.or_else(recorded)
+}
+
+fn observation(
+    fields: &Fields<'_>,
+    satellite: SatelliteId,
+    signal: SignalCode,
+    pseudorange_m: f64,
+    frequency_hz: Option<f64>,
+) -> Observation {
+    let per_wavelength = |metres: f64| Some(metres * frequency_hz? / SPEED_OF_LIGHT_MPS);
+    let doppler_hz = fields.optional(Optional::PseudorangeRate).and_then(|rate| per_wavelength(-rate));
+    let state = delta_range_state(fields);
+    Observation {
+        satellite,
+        signal,
+        pseudorange_m: Some(pseudorange_m),
+        carrier_phase_cycles: fields
+            .optional(Optional::DeltaRange)
+            .filter(|_| state.valid)
+            .and_then(per_wavelength),
+        doppler_hz: doppler_hz.filter(|doppler| doppler.abs() <= MAX_DOPPLER_HZ),
+        cn0_dbhz: fields.optional(Optional::Cn0).filter(|cn0| (0.0..=70.0).contains(cn0)),
+        loss_of_lock: state.loss_of_lock,
+    }
+}
+
+struct DeltaRangeState {
+    valid: bool,
+    loss_of_lock: LossOfLock,
+}
+
+/// Android `GnssMeasurement.ADR_STATE_*`: 1 valid, 2 reset, 4 cycle slip, 8 half cycle resolved, 16 half cycle reported.
+fn delta_range_state(fields: &Fields<'_>) -> DeltaRangeState {
+    let text = fields.columns.optional(fields.fields, Optional::DeltaRangeState);
+    let bits: u32 = text.strip_suffix(".0").unwrap_or(text).parse().unwrap_or(0);
+    let valid = bits & 1 != 0;
+    DeltaRangeState {
+        valid,
+        loss_of_lock: LossOfLock {
+            cycle_slip: valid && bits & (2 | 4) != 0,
+            half_cycle: valid && bits & 16 != 0 && bits & 8 == 0,
+        },
+    }
+}

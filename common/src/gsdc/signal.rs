@@ -1,0 +1,86 @@
+//! Android's numbers and the challenge's names to satellites and signals.
+
+use crate::gnss::{Constellation, SatelliteId, SignalCode};
+
+/// QZSS satellites are numbered from here (Android `GnssStatus.getSvid`).
+const QZSS_OFFSET: u8 = 192;
+
+/// The satellite of a constellation type (Android `GnssStatus.CONSTELLATION_*`) and a number. `None` for augmentation
+/// satellites, unknown types, and GLONASS satellites of which only the frequency channel is known (93-106).
+pub(super) fn satellite(constellation: &str, number: &str) -> Option<SatelliteId> {
+    let number: u8 = number.parse().ok()?;
+    let (constellation, number, last) = match constellation {
+        "1" => (Constellation::Gps, number, 32),
+        "3" => (Constellation::Glonass, number, 27),
+        "4" => (Constellation::Qzss, number.checked_sub(QZSS_OFFSET)?, 10),
+        "5" => (Constellation::Beidou, number, 63),
+        "6" => (Constellation::Galileo, number, 36),
+        "7" => (Constellation::Navic, number, 14),
+        _ => return None,
+    };
+    (1..=last).contains(&number).then_some(SatelliteId::new(constellation, number))
+}
+
+/// The signal of a name such as `GPS_L1`, `GAL_E5A`, `BDS_B1I` (2021) or `GPS_L5_Q`, `GAL_E1_C_P`, `BDS_B1_I` (since 2022).
+/// `code_type` is Android's code letter, which is RINEX's attribute; without one, that which phones most often track.
+pub(super) fn signal(constellation: Constellation, name: &str, code_type: &str) -> Option<SignalCode> {
+    let band_name: String = name.split('_').skip(1).collect();
+    let (band, usual) = match constellation {
+        Constellation::Gps if band_name.starts_with("L1") => (b'1', b'C'),
+        Constellation::Gps if band_name.starts_with("L5") => (b'5', b'X'),
+        Constellation::Qzss if band_name.starts_with(['L', 'J']) => match band_name.as_bytes().get(1)? {
+            b'1' => (b'1', b'C'),
+            b'5' => (b'5', b'X'),
+            _ => return None,
+        },
+        Constellation::Glonass if band_name.starts_with("G1") => (b'1', b'C'),
+        Constellation::Galileo if band_name.starts_with("E1") => (b'1', b'C'),
+        Constellation::Galileo if band_name.starts_with("E5A") => (b'5', b'X'),
+        Constellation::Galileo if band_name.starts_with("E5B") => (b'7', b'X'),
+        Constellation::Beidou if band_name.starts_with("B1I") => (b'2', b'I'),
+        Constellation::Beidou if band_name.starts_with("B1C") => (b'1', b'X'),
+        Constellation::Beidou if band_name.starts_with("B2A") => (b'5', b'X'),
+        Constellation::Navic if band_name.starts_with("L5") => (b'5', b'A'),
+        _ => return None,
+    };
+    let attribute = match code_type.as_bytes() {
+        [letter @ b'A'..=b'Z'] => *letter,
+        _ => usual,
+    };
+    Some(SignalCode::new(band, attribute))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_both_generations_are_known() {
+        let known =
+            |constellation, name, code_type| signal(constellation, name, code_type).unwrap().to_string();
+        assert_eq!(known(Constellation::Gps, "GPS_L1", ""), "1C");
+        assert_eq!(known(Constellation::Gps, "GPS_L1_CA", "C"), "1C");
+        assert_eq!(known(Constellation::Gps, "GPS_L5_Q", "Q"), "5Q");
+        assert_eq!(known(Constellation::Galileo, "GAL_E5A", ""), "5X");
+        assert_eq!(known(Constellation::Galileo, "GAL_E1_C_P", "C"), "1C");
+        assert_eq!(known(Constellation::Beidou, "BDS_B1_I", "I"), "2I");
+        assert_eq!(known(Constellation::Beidou, "BDS_B1C", ""), "1X");
+        assert_eq!(known(Constellation::Beidou, "BDS_B2A_P", "P"), "5P");
+        assert_eq!(known(Constellation::Qzss, "QZS_J5", ""), "5X");
+        assert_eq!(known(Constellation::Glonass, "GLO_G1_CA", "C"), "1C");
+        assert_eq!(signal(Constellation::Gps, "GAL_E1", ""), None);
+        assert_eq!(signal(Constellation::Gps, "", ""), None);
+    }
+
+    #[test]
+    fn satellites_have_their_rinex_numbers() {
+        assert_eq!(satellite("1", "5").unwrap().to_string(), "G05");
+        assert_eq!(satellite("4", "194").unwrap().to_string(), "J02");
+        assert_eq!(satellite("5", "59").unwrap().to_string(), "C59");
+        for (constellation, number) in
+            [("1", "33"), ("3", "97"), ("2", "131"), ("0", "1"), ("1", "0"), ("4", "1"), ("1", "")]
+        {
+            assert_eq!(satellite(constellation, number), None, "{constellation} {number}");
+        }
+    }
+}

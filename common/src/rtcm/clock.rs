@@ -1,0 +1,132 @@
+//! Epoch times of messages, which lack the week (or even the day), to GPS time.
+
+use crate::gnss::Constellation;
+use crate::time::{BEIDOU_BEHIND_GPS_S, GpsTime};
+
+const MILLIS_PER_DAY: i64 = 86_400_000;
+const MILLIS_PER_WEEK: i64 = 7 * MILLIS_PER_DAY;
+const NANOS_PER_MILLI: i128 = 1_000_000;
+/// GLONASS time is Moscow time, UTC + 3 h (GLONASS ICD, 3.3.3).
+const MOSCOW_AHEAD_MILLIS: i64 = 3 * 3_600_000;
+
+/// The epoch time of a message as it is sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum SentTime {
+    /// Milliseconds of the system's own week (DF004, DF248, DF427, DF428).
+    OfWeek(u32),
+    /// GLONASS: day of the week, 0 = Sunday, 7 = unknown (DF416), and milliseconds of the day in Moscow time (DF034).
+    Glonass {
+        /// Day of the week.
+        day: u32,
+        /// Milliseconds of the day; one second more in a leap second.
+        millis: u32,
+    },
+}
+
+impl SentTime {
+    /// Whether the number can be a time.
+    const fn is_possible(self) -> bool {
+        match self {
+            Self::OfWeek(millis) => (millis as i64) < MILLIS_PER_WEEK,
+            Self::Glonass { day, millis } => day <= 7 && (millis as i64) < MILLIS_PER_DAY + 1_000,
+        }
+    }
+}
+
+/// Where on the time axis a stream is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StreamClock {
+    /// An instant near the next message's.
+    pub(super) near: GpsTime,
+    /// GPS − UTC, s.
+    pub(super) leap_seconds: u8,
+}
+
+impl StreamClock {
+    /// The instant nearest to the stream's that a sent time can mean; `None` for a number that is no time.
+    pub(super) fn resolve(&self, constellation: Constellation, sent: SentTime) -> Option<GpsTime> {
+        if !sent.is_possible() {
+            return None;
+        }
+        let (millis, period) = match sent {
+            SentTime::OfWeek(millis) => {
+                (i64::from(millis) + behind_gps_millis(constellation), MILLIS_PER_WEEK)
+            }
+            SentTime::Glonass { day: 7, millis } => (self.moscow_to_gps(i64::from(millis)), MILLIS_PER_DAY),
+            SentTime::Glonass { day, millis } => {
+                (self.moscow_to_gps(i64::from(day) * MILLIS_PER_DAY + i64::from(millis)), MILLIS_PER_WEEK)
+            }
+        };
+        let near = i128::from(self.near.nanos());
+        let (nanos, period) = (i128::from(millis) * NANOS_PER_MILLI, i128::from(period) * NANOS_PER_MILLI);
+        let periods = (near - nanos + period / 2).div_euclid(period);
+        i64::try_from(nanos + periods * period).ok().map(GpsTime::from_nanos)
+    }
+
+    fn moscow_to_gps(&self, millis: i64) -> i64 {
+        millis - MOSCOW_AHEAD_MILLIS + i64::from(self.leap_seconds) * 1_000
+    }
+}
+
+fn behind_gps_millis(constellation: Constellation) -> i64 {
+    #[allow(clippy::cast_possible_truncation)] // 14 s
+    let beidou = (BEIDOU_BEHIND_GPS_S * 1e3) as i64;
+    if constellation == Constellation::Beidou { beidou } else { 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Constellation::{Beidou, Galileo, Glonass, Gps};
+
+    fn clock(near: &str) -> StreamClock {
+        StreamClock { near: near.parse().unwrap(), leap_seconds: 18 }
+    }
+
+    fn resolved(near: &str, constellation: Constellation, sent: SentTime) -> String {
+        clock(near).resolve(constellation, sent).unwrap().to_string()
+    }
+
+    #[test]
+    fn the_week_is_the_nearest() {
+        // Thursday 2020-08-13 14:19:53 is second 397193 of the week.
+        let thursday = SentTime::OfWeek(397_193_000);
+        for near in ["2020-08-10T03:00:00", "2020-08-13T14:19:54", "2020-08-16T23:00:00"] {
+            assert_eq!(resolved(near, Gps, thursday), "2020-08-13T14:19:53.000");
+            assert_eq!(resolved(near, Galileo, thursday), "2020-08-13T14:19:53.000");
+        }
+        let last_of_week = SentTime::OfWeek(604_799_500);
+        assert_eq!(resolved("2020-08-16T00:00:00", Gps, last_of_week), "2020-08-15T23:59:59.500");
+        assert_eq!(resolved("2020-08-15T23:59:59.5", Gps, SentTime::OfWeek(0)), "2020-08-16T00:00:00.000");
+    }
+
+    #[test]
+    fn beidou_is_fourteen_seconds_behind_across_the_week_too() {
+        let near = "2020-08-13T14:19:53";
+        assert_eq!(resolved(near, Beidou, SentTime::OfWeek(397_179_000)), "2020-08-13T14:19:53.000");
+        let near = "2020-08-16T00:00:05";
+        assert_eq!(resolved(near, Beidou, SentTime::OfWeek(604_791_000)), "2020-08-16T00:00:05.000");
+    }
+
+    #[test]
+    fn glonass_is_moscow_time_without_leap_seconds() {
+        // 14:19:53 GPST is 14:19:35 UTC, 17:19:35 in Moscow, on a Thursday (day 4).
+        let millis = ((17 * 60 + 19) * 60 + 35) * 1_000;
+        let near = "2020-08-12T20:00:00";
+        assert_eq!(resolved(near, Glonass, SentTime::Glonass { day: 4, millis }), "2020-08-13T14:19:53.000");
+        let near = "2020-08-13T20:00:00";
+        assert_eq!(resolved(near, Glonass, SentTime::Glonass { day: 7, millis }), "2020-08-13T14:19:53.000");
+        // 00:00:00 on Sunday in Moscow is Saturday 21:00:18 GPST.
+        let midnight = SentTime::Glonass { day: 0, millis: 0 };
+        assert_eq!(resolved("2020-08-16T00:00:00", Glonass, midnight), "2020-08-15T21:00:18.000");
+    }
+
+    #[test]
+    fn impossible_times_are_refused() {
+        let clock = clock("2020-08-13T14:19:53");
+        assert_eq!(clock.resolve(Gps, SentTime::OfWeek(604_800_000)), None);
+        assert_eq!(clock.resolve(Glonass, SentTime::Glonass { day: 3, millis: 86_401_000 }), None);
+        let end = StreamClock { near: GpsTime::from_nanos(i64::MAX), leap_seconds: 18 };
+        assert!(end.resolve(Gps, SentTime::OfWeek(0)).is_none_or(|t| t > GpsTime::default()));
+    }
+}

@@ -1,0 +1,127 @@
+//! Lock-time indicators to loss of lock.
+
+use std::collections::BTreeMap;
+
+use crate::gnss::{SatelliteId, SignalCode};
+use crate::time::GpsTime;
+
+/// The highest indicator of DF407 that has a meaning.
+const LAST_EXTENDED: u32 = 704;
+
+/// How long a phase has been tracked without interruption: at least `least_ms` and less than `below_ms`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LockTime {
+    least_ms: f64,
+    below_ms: f64,
+}
+
+impl LockTime {
+    /// From DF402 (MSM4, MSM5), 0-15: doubling from 32 ms.
+    pub(super) fn coarse(indicator: u32) -> Self {
+        let least = |i: u32| match i {
+            0 => 0.0,
+            16.. => f64::INFINITY,
+            i => f64::from(1_u32 << (i + 4)),
+        };
+        Self { least_ms: least(indicator), below_ms: least(indicator + 1) }
+    }
+
+    /// From DF407 (MSM6, MSM7), 0-704: whole milliseconds first, coarser by a factor of two every 32 steps from 64 on.
+    /// Reserved indicators count as no lock.
+    pub(super) fn fine(indicator: u32) -> Self {
+        let least = |i: u32| match i {
+            0..64 => f64::from(i),
+            64..=LAST_EXTENDED => {
+                let k = i / 32 - 1;
+                f64::from(1_u32 << k) * f64::from(i - 32 * k)
+            }
+            _ => f64::INFINITY,
+        };
+        let indicator = if indicator > LAST_EXTENDED { 0 } else { indicator };
+        Self { least_ms: least(indicator), below_ms: least(indicator + 1) }
+    }
+}
+
+/// The lock times that were seen last.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LockTimes {
+    last: BTreeMap<(SatelliteId, SignalCode), Seen>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    time: GpsTime,
+    lock: LockTime,
+    /// Lost while no phase was sent that could have said so.
+    untold: bool,
+}
+
+impl LockTimes {
+    /// Takes a lock time, and says for an observation with a phase whether the lock was certainly lost since the signal's
+    /// last one with a phase: the time has become shorter, or is shorter than it would be had the lock held.
+    pub(super) fn lost(
+        &mut self,
+        (satellite, signal): (SatelliteId, SignalCode),
+        time: GpsTime,
+        lock: LockTime,
+        has_phase: bool,
+    ) -> bool {
+        let lost = self.last.get(&(satellite, signal)).is_some_and(|before| {
+            let held_ms = before.lock.least_ms + (time - before.time) * 1e3;
+            before.untold || lock.least_ms < before.lock.least_ms || lock.below_ms <= held_ms
+        });
+        self.last.insert((satellite, signal), Seen { time, lock, untold: lost && !has_phase });
+        lost && has_phase
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gnss::Constellation;
+
+    #[test]
+    fn indicators_follow_the_tables() {
+        let bounds = |lock: LockTime| (lock.least_ms, lock.below_ms);
+        assert_eq!(bounds(LockTime::coarse(0)), (0.0, 32.0));
+        assert_eq!(bounds(LockTime::coarse(1)), (32.0, 64.0));
+        assert_eq!(bounds(LockTime::coarse(15)), (524_288.0, f64::INFINITY));
+        // RTCM 10403.3, table 3.5-76
+        for (indicator, least) in [
+            (0, 0.0),
+            (63, 63.0),
+            (64, 64.0),
+            (95, 126.0),
+            (96, 128.0),
+            (128, 256.0),
+            (351, 32_256.0),
+            (704, 67_108_864.0),
+        ] {
+            assert_eq!(LockTime::fine(indicator).least_ms, least, "{indicator}");
+        }
+        assert_eq!(bounds(LockTime::fine(1_000)), (0.0, 1.0));
+        for indicator in 0..LAST_EXTENDED {
+            assert!(LockTime::fine(indicator).least_ms < LockTime::fine(indicator).below_ms);
+        }
+    }
+
+    #[test]
+    fn a_lock_that_is_too_young_was_lost() {
+        let of = (SatelliteId::new(Constellation::Gps, 7), SignalCode::new(b'1', b'C'));
+        let start = GpsTime::from_week_tow(2118, 0.0);
+        let mut locks = LockTimes::default();
+        let mut lost = |seconds: f64, indicator: u32| {
+            locks.lost(of, start + seconds, LockTime::coarse(indicator), indicator != 9)
+        };
+        assert!(!lost(0.0, 0), "nothing to compare with");
+        assert!(lost(1.0, 0), "below 32 ms after a second");
+        assert!(!lost(2.0, 5), "at least 512 ms, fits");
+        assert!(lost(3.0, 5), "below 1024 ms, but must have been 1512");
+        assert!(!lost(4.0, 6));
+        assert!(!lost(5.0, 6));
+        assert!(lost(6.0, 5), "shorter");
+        assert!(!lost(605.0, 9), "grown by too little, but without a phase");
+        assert!(lost(606.0, 15), "told with the next phase");
+        assert!(!lost(900.0, 15), "long enough for any gap that it can express");
+    }
+}

@@ -1,0 +1,301 @@
+//! RTCM 3 streams: observations (MSM4 to MSM7) and ephemerides, by RTCM 10403.3.
+//!
+//! ```
+//! use cofix_common::decode::Decoder;
+//! use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
+//! let near = "2020-08-13T12:00:00".parse()?;
+//! let mut decoder = RtcmDecoder::new(RtcmOptions::near(near));
+//! # let portion = [0xd3, 0x00, 0x00, 0x47, 0xea, 0x4b];
+//! decoder.feed(&portion)?;
+//! while let Some(record) = decoder.next_record() {
+//!     println!("{record:?}");
+//! }
+//! println!("{}", decoder.skips());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod bits;
+mod clock;
+mod ephemeris;
+mod epoch;
+mod frame;
+mod lock;
+mod msm;
+mod signals;
+
+use std::collections::{BTreeMap, VecDeque};
+
+use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::decode::{Decoder, Record, WrongStream};
+use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId};
+use crate::orbit::KeplerEphemeris;
+use crate::skips::Skips;
+use crate::time::GpsTime;
+
+/// After this many bytes without a frame the stream is not RTCM 3. A line may be noisy at the start, but not for so long.
+const MAX_BYTES_BEFORE_FIRST_FRAME: u64 = 65_536;
+/// Nearer than this (m) no satellite is.
+const MIN_PSEUDORANGE_M: f64 = 1e6;
+/// DF394: the last number of the satellite mask is reserved in every system.
+const MAX_SATELLITE: u8 = 63;
+/// QZSS satellites of the mask.
+const MAX_QZSS: u8 = 10;
+
+/// What a stream does not say itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RtcmOptions {
+    /// An instant within three days of the stream's first message: messages carry the time of week only.
+    pub near: GpsTime,
+    /// GPS − UTC, s, for GLONASS messages, whose time is UTC + 3 h.
+    pub leap_seconds: u8,
+}
+
+impl RtcmOptions {
+    /// A stream that begins near an instant, with the 18 leap seconds in force since 2017.
+    pub const fn near(near: GpsTime) -> Self {
+        Self { near, leap_seconds: 18 }
+    }
+}
+
+/// Decodes an RTCM 3 stream.
+#[derive(Clone, Debug)]
+pub struct RtcmDecoder {
+    framer: frame::Framer,
+    clock: clock::StreamClock,
+    assembler: epoch::Assembler,
+    locks: lock::LockTimes,
+    glonass_channels: BTreeMap<u8, i8>,
+    /// The last one of each satellite and message number: streams repeat them.
+    ephemerides: BTreeMap<(SatelliteId, u32), KeplerEphemeris>,
+    records: VecDeque<Record>,
+    skips: Skips,
+}
+
+impl RtcmDecoder {
+    /// A decoder at the beginning of a stream.
+    pub fn new(options: RtcmOptions) -> Self {
+        Self {
+            framer: frame::Framer::default(),
+            clock: clock::StreamClock { near: options.near, leap_seconds: options.leap_seconds },
+            assembler: epoch::Assembler::default(),
+            locks: lock::LockTimes::default(),
+            glonass_channels: BTreeMap::new(),
+            ephemerides: BTreeMap::new(),
+            records: VecDeque::new(),
+            skips: Skips::default(),
+        }
+    }
+
+    /// Valid frames so far, of whatever message.
+    pub const fn frames(&self) -> u64 {
+        self.framer.frames()
+    }
+
+    /// GLONASS frequency channels (−7…6) by slot, as far as the stream has told them (MSM5, MSM7, 1020).
+    pub const fn glonass_channels(&self) -> &BTreeMap<u8, i8> {
+        &self.glonass_channels
+    }
+
+    fn drain(&mut self, ended: bool) -> Result<(), WrongStream> {
+        while let Some(message) = self.framer.next(ended, MAX_BYTES_BEFORE_FIRST_FRAME, &mut self.skips) {
+            self.message(&message);
+        }
+        let outside = self.framer.outside();
+        let hopeless = outside >= MAX_BYTES_BEFORE_FIRST_FRAME || ended && outside > 0;
+        if self.framer.frames() == 0 && hopeless {
+            return Err(WrongStream {
+                reason: format!(
+                    "no RTCM 3 frame (0xD3, length, CRC-24Q) in the first {outside} bytes; give a raw RTCM 3 stream"
+                ),
+            });
+        }
+        Ok(())
+    }
+
+    fn message(&mut self, bytes: &[u8]) {
+        let Ok(number) = bits::Bits::new(bytes).unsigned(12) else {
+            self.skips.add("frame without a message", || format!("{} bytes", bytes.len()));
+            return;
+        };
+        match (msm_kind(number), number) {
+            (Some((Constellation::Sbas, _)), _) => {
+                self.skips.add("SBAS observations are not used", || format!("message {number}"));
+            }
+            (Some((constellation, level)), _) => self.observations(bytes, number, constellation, level),
+            (None, 1019 | 1042 | 1044..=1046) => self.ephemeris(bytes, number),
+            (None, 1020) => self.glonass_ephemeris(bytes),
+            _ => {
+                self.skips.add(&format!("message {number} is not read"), || format!("{} bytes", bytes.len()))
+            }
+        }
+    }
+
+    fn observations(&mut self, bytes: &[u8], number: u32, constellation: Constellation, level: msm::Level) {
+        let message = match msm::decode(bytes, constellation, level) {
+            Ok(message) => message,
+            Err(msm::Fault::TooShort) => return self.too_short(bytes, number),
+            Err(msm::Fault::TooManyCells(cells)) => {
+                self.skips.add("message with more than 64 signals", || format!("message {number}: {cells}"));
+                return;
+            }
+        };
+        let Some(time) = self.clock.resolve(constellation, message.sent) else {
+            self.skips
+                .add("message with an impossible time", || format!("message {number}: {:?}", message.sent));
+            return;
+        };
+        if !self.assembler.admits(time, &mut self.skips) {
+            return;
+        }
+        self.clock.near = time;
+        let observations =
+            message.cells.iter().filter_map(|cell| self.observation(time, &message, cell)).collect();
+        let complete = self.assembler.add(time, &message, observations, &mut self.skips);
+        self.records.extend(complete.into_iter().flatten().map(Record::Epoch));
+    }
+
+    fn too_short(&mut self, bytes: &[u8], number: u32) {
+        self.skips.add("message shorter than its type demands", || {
+            format!("message {number}: {} bytes", bytes.len())
+        });
+    }
+
+    fn observation(
+        &mut self,
+        time: GpsTime,
+        message: &msm::Message,
+        cell: &msm::Cell,
+    ) -> Option<Observation> {
+        let constellation = message.constellation;
+        let satellite = SatelliteId::new(constellation, cell.satellite);
+        let limit = if constellation == Constellation::Qzss { MAX_QZSS } else { MAX_SATELLITE };
+        if cell.satellite > limit {
+            self.skips.add("reserved satellite number", || format!("{satellite} at {time}"));
+            return None;
+        }
+        let Some(signal) = signals::signal(constellation, cell.signal) else {
+            self.skips
+                .add("reserved signal number", || format!("{satellite} signal {} at {time}", cell.signal));
+            return None;
+        };
+        if let Some(channel) = cell.glonass_channel {
+            self.glonass_channels.insert(cell.satellite, channel);
+        }
+        let channel = self.glonass_channels.get(&cell.satellite).copied();
+        let frequency_hz = signal.frequency_hz(constellation, channel);
+        if frequency_hz.is_none() && (cell.phase_s().is_some() || cell.rate_mps.is_some()) {
+            self.skips.add("phase and Doppler without a known GLONASS channel", || {
+                format!("{satellite} {signal} at {time}")
+            });
+        }
+        let pseudorange_m = cell.code_s().map(|travel_s| travel_s * SPEED_OF_LIGHT_MPS);
+        if pseudorange_m.is_some_and(|p| p < MIN_PSEUDORANGE_M) {
+            self.skips.add("pseudorange below 1e6 m", || format!("{satellite} {signal} at {time}"));
+            return None;
+        }
+        let has_phase = cell.phase_s().is_some();
+        let loss_of_lock = LossOfLock {
+            cycle_slip: self.locks.lost((satellite, signal), time, cell.lock, has_phase),
+            half_cycle: cell.half_cycle && has_phase,
+        };
+        let observation = Observation {
+            satellite,
+            signal,
+            pseudorange_m,
+            carrier_phase_cycles: cell.phase_s().zip(frequency_hz).map(|(travel_s, f)| travel_s * f),
+            doppler_hz: cell.rate_mps.zip(frequency_hz).map(|(rate, f)| -rate * f / SPEED_OF_LIGHT_MPS),
+            cn0_dbhz: cell.cn0_dbhz,
+            loss_of_lock,
+        };
+        let any = pseudorange_m.is_some()
+            || observation.carrier_phase_cycles.is_some()
+            || observation.doppler_hz.is_some()
+            || observation.cn0_dbhz.is_some();
+        any.then_some(observation)
+    }
+
+    fn ephemeris(&mut self, bytes: &[u8], number: u32) {
+        match ephemeris::decode(bytes, number, self.clock.near) {
+            Ok(ephemeris) => {
+                let known = self.ephemerides.insert((ephemeris.satellite, number), ephemeris);
+                if !known.is_some_and(|known| is_same_issue(&known, &ephemeris)) {
+                    self.records.push_back(Record::Ephemeris(Box::new(ephemeris)));
+                }
+            }
+            Err(ephemeris::Fault::TooShort) => self.too_short(bytes, number),
+            Err(ephemeris::Fault::Impossible(detail)) => {
+                self.skips.add("ephemeris with impossible values", || format!("message {number}: {detail}"));
+            }
+        }
+    }
+
+    /// GLONASS ephemerides are orbits of another kind: of message 1020 only the frequency channel (DF040) is used. This is
+    /// the place for the rest of it.
+    fn glonass_ephemeris(&mut self, bytes: &[u8]) {
+        let mut bits = bits::Bits::new(bytes);
+        bits.skip(12);
+        let (Ok(slot), Ok(channel)) = (bits.unsigned(6), bits.unsigned(5)) else {
+            return self.too_short(bytes, 1020);
+        };
+        if let (Ok(slot @ 1..=MAX_SATELLITE), Ok(channel @ 0..=13)) =
+            (u8::try_from(slot), i8::try_from(channel))
+        {
+            self.glonass_channels.insert(slot, channel - 7);
+        }
+        self.skips.add("GLONASS ephemeris not supported yet", || format!("message 1020: slot {slot}"));
+    }
+}
+
+/// Equal ephemerides; the group delay that F/NAV lacks is not a number and never equals itself.
+fn is_same_issue(a: &KeplerEphemeris, b: &KeplerEphemeris) -> bool {
+    let known = |e: &KeplerEphemeris| KeplerEphemeris {
+        group_delays_s: (
+            e.group_delays_s.0,
+            if e.group_delays_s.1.is_nan() { 0.0 } else { e.group_delays_s.1 },
+        ),
+        ..*e
+    };
+    known(a) == known(b)
+}
+
+/// System and resolution of a multiple signal message (RTCM 10403.3, table 3.5-77).
+const fn msm_kind(number: u32) -> Option<(Constellation, msm::Level)> {
+    let constellation = match number / 10 {
+        107 => Constellation::Gps,
+        108 => Constellation::Glonass,
+        109 => Constellation::Galileo,
+        110 => Constellation::Sbas,
+        111 => Constellation::Qzss,
+        112 => Constellation::Beidou,
+        _ => return None,
+    };
+    let level = match number % 10 {
+        4 => msm::Level::Msm4,
+        5 => msm::Level::Msm5,
+        6 => msm::Level::Msm6,
+        7 => msm::Level::Msm7,
+        _ => return None,
+    };
+    Some((constellation, level))
+}
+
+impl Decoder for RtcmDecoder {
+    fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
+        self.framer.push(bytes);
+        self.drain(false)
+    }
+
+    fn finish(&mut self) -> Result<(), WrongStream> {
+        let outcome = self.drain(true);
+        self.records.extend(self.assembler.close().map(Record::Epoch));
+        outcome
+    }
+
+    fn next_record(&mut self) -> Option<Record> {
+        self.records.pop_front()
+    }
+
+    fn skips(&self) -> &Skips {
+        &self.skips
+    }
+}
