@@ -1,0 +1,72 @@
+//! The phone's clock as GPS time.
+
+use super::options::BiasReference;
+use super::pseudorange::ReceiveTime;
+use super::raw::ClockFields;
+
+/// Which bias is in force.
+#[derive(Clone, Copy, Debug)]
+struct Bias {
+    full_ns: i64,
+    part_ns: f64,
+}
+
+/// The clock of an epoch.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EpochClock {
+    /// What the lines of the epoch say.
+    pub(super) fields: ClockFields,
+    /// Time of the epoch (without a measurement's own offset).
+    pub(super) time: ReceiveTime,
+    /// The count of discontinuities changed since the epoch before: carrier phases do not continue.
+    pub(super) discontinuous: bool,
+    bias: Bias,
+}
+
+impl EpochClock {
+    /// The clock by a line, following that of the epoch before. `None` on overflow, that is on absurd numbers.
+    pub(super) fn new(fields: ClockFields, before: Option<&Self>, reference: BiasReference) -> Option<Self> {
+        let own = Bias { full_ns: fields.full_bias_ns, part_ns: fields.bias_ns };
+        let discontinuous = before.is_some_and(|b| b.fields.discontinuities != fields.discontinuities);
+        let bias = match (reference, before) {
+            (BiasReference::FirstEpoch, Some(before)) if !discontinuous => before.bias,
+            _ => own,
+        };
+        let whole_ns = fields.time_ns.checked_sub(bias.full_ns)?;
+        let time = ReceiveTime { whole_ns, fraction_ns: -bias.part_ns };
+        Some(Self { fields, time, discontinuous, bias })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fields(time_ns: i64, full_bias_ns: i64, count: i64) -> ClockFields {
+        ClockFields {
+            time_ns,
+            full_bias_ns,
+            bias_ns: 0.25,
+            bias_uncertainty_ns: None,
+            discontinuities: Some(count),
+            leap_seconds: None,
+        }
+    }
+
+    #[test]
+    fn the_first_bias_holds_until_the_clock_is_discontinuous() {
+        let next = |fields, before: Option<&EpochClock>| {
+            EpochClock::new(fields, before, BiasReference::FirstEpoch).unwrap()
+        };
+        let first = next(fields(0, -1_000_000, 5), None);
+        let second = next(fields(1_000, -1_000_300, 5), Some(&first));
+        assert_eq!(second.time, ReceiveTime { whole_ns: 1_001_000, fraction_ns: -0.25 });
+        let third = next(fields(2_000, -1_000_700, 6), Some(&second));
+        assert!(third.discontinuous && !second.discontinuous);
+        assert_eq!(third.time.whole_ns, 1_002_700);
+        let each =
+            EpochClock::new(fields(1_000, -1_000_300, 5), Some(&first), BiasReference::EachEpoch).unwrap();
+        assert_eq!(each.time.whole_ns, 1_001_300);
+        assert!(EpochClock::new(fields(i64::MAX, -2, 0), None, BiasReference::EachEpoch).is_none());
+    }
+}

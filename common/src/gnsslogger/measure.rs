@@ -1,0 +1,156 @@
+//! One `Raw` line to one observation: masks, pseudorange, Doppler, phase.
+
+use super::options::{Masks, Options, StateRule};
+use super::pseudorange::{ReceiveTime, TransmitScale};
+use super::raw::RawLine;
+use super::signal::signal;
+use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId};
+
+/// Bits of `AccumulatedDeltaRangeState` (Android API).
+mod range_state {
+    pub(super) const VALID: u32 = 1;
+    pub(super) const RESET: u32 = 1 << 1;
+    pub(super) const CYCLE_SLIP: u32 = 1 << 2;
+    pub(super) const HALF_CYCLE_RESOLVED: u32 = 1 << 3;
+    pub(super) const HALF_CYCLE_REPORTED: u32 = 1 << 4;
+}
+
+/// Why a line gives no observation, or not all of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Refusal {
+    /// Reason to count under.
+    pub(super) reason: &'static str,
+    /// What the value is.
+    pub(super) quantity: &'static str,
+    /// The value.
+    pub(super) value: f64,
+}
+
+const fn refuse<T>(reason: &'static str, quantity: &'static str, value: f64) -> Result<T, Refusal> {
+    Err(Refusal { reason, quantity, value })
+}
+
+/// An observation and the GLONASS channel that its line tells.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Measured {
+    pub(super) observation: Observation,
+    pub(super) glonass_channel: Option<i8>,
+}
+
+/// Forms the observation of a line. `clock` is the epoch's time, `leap_seconds` that of GLONASS' scale.
+pub(super) fn measure(
+    line: &RawLine,
+    satellite: SatelliteId,
+    clock: ReceiveTime,
+    leap_seconds: i64,
+    options: &Options,
+) -> Result<Measured, Refusal> {
+    let constellation = satellite.constellation;
+    let masks = &options.masks;
+    let Some(signal) = signal(constellation, line.frequency_hz, line.code_type) else {
+        let frequency = line.frequency_hz.unwrap_or(f64::NAN);
+        return refuse("carrier frequency of no signal of the system", "Hz", frequency);
+    };
+    let scale = scale(line.state, constellation, leap_seconds, masks)?;
+    check(line, masks)?;
+    let receive = ReceiveTime { fraction_ns: clock.fraction_ns + line.time_offset_ns, ..clock };
+    let pseudorange_m = scale.pseudorange_m(receive, line.received_sv_time_ns).unwrap_or(f64::NAN);
+    let (shortest, longest) = masks.pseudorange_m;
+    if !(shortest..=longest).contains(&pseudorange_m) {
+        return refuse("mask: pseudorange", "m", pseudorange_m);
+    }
+    Ok(Measured {
+        observation: Observation {
+            satellite,
+            signal: signal.code,
+            pseudorange_m: Some(pseudorange_m),
+            carrier_phase_cycles: None,
+            doppler_hz: None,
+            cn0_dbhz: line.cn0_dbhz,
+            loss_of_lock: LossOfLock::default(),
+        },
+        glonass_channel: signal.glonass_channel,
+    })
+}
+
+/// Adds Doppler (−rate/λ) and phase (delta range/λ, which grows with the distance as in RINEX) with the nominal
+/// wavelength of the signal, and says what of them is refused.
+pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Options) -> Result<(), Refusal> {
+    let observation = &mut measured.observation;
+    let valid = line.range_state & range_state::VALID != 0;
+    let phase_m = line.range_m.filter(|_| valid || options.keep_invalid_phase);
+    if line.rate_mps.is_none() && phase_m.is_none() {
+        return Ok(());
+    }
+    let constellation = observation.satellite.constellation;
+    let Some(wavelength_m) = observation.signal.wavelength_m(constellation, measured.glonass_channel) else {
+        return refuse("Doppler and phase without a carrier frequency", "CarrierFrequencyHz", f64::NAN);
+    };
+    let set = |bit: u32| line.range_state & bit != 0;
+    observation.carrier_phase_cycles = phase_m.map(|range| range / wavelength_m);
+    if observation.carrier_phase_cycles.is_some() {
+        observation.loss_of_lock = LossOfLock {
+            cycle_slip: set(range_state::RESET) || set(range_state::CYCLE_SLIP),
+            half_cycle: set(range_state::HALF_CYCLE_REPORTED) && !set(range_state::HALF_CYCLE_RESOLVED),
+        };
+    }
+    let uncertainty = line.rate_uncertainty_mps.unwrap_or(0.0);
+    if uncertainty > options.masks.max_rate_uncertainty_mps {
+        return refuse("mask: pseudorange rate uncertainty (code is used)", "m/s", uncertainty);
+    }
+    observation.doppler_hz = line.rate_mps.map(|rate| -rate / wavelength_m);
+    Ok(())
+}
+
+/// In which scale the time of transmission counts, by the state bits.
+fn scale(
+    state: u32,
+    constellation: Constellation,
+    leap_seconds: i64,
+    masks: &Masks,
+) -> Result<TransmitScale, Refusal> {
+    let rule = rule(constellation, masks);
+    let tracked = state & rule.tracked != 0 && state & rule.forbidden == 0;
+    if tracked && state & rule.timed != 0 {
+        Ok(TransmitScale::full(constellation, leap_seconds))
+    } else if tracked && state & rule.timed_100_ms != 0 {
+        Ok(TransmitScale::hundred_ms())
+    } else {
+        refuse("mask: state bits", "State", f64::from(state))
+    }
+}
+
+const fn rule(constellation: Constellation, masks: &Masks) -> StateRule {
+    let states = &masks.states;
+    match constellation {
+        Constellation::Gps => states.gps,
+        Constellation::Glonass => states.glonass,
+        Constellation::Galileo => states.galileo,
+        Constellation::Beidou => states.beidou,
+        Constellation::Qzss => states.qzss,
+        Constellation::Navic => states.navic,
+        Constellation::Sbas => states.sbas,
+    }
+}
+
+/// The masks on what the phone says about its own measurement. A value that the log does not have passes.
+fn check(line: &RawLine, masks: &Masks) -> Result<(), Refusal> {
+    let above = |value: Option<f64>, limit: f64| value.filter(|v| *v > limit);
+    if let Some(value) = above(line.clock.bias_uncertainty_ns, masks.max_bias_uncertainty_ns) {
+        return refuse("mask: clock bias uncertainty", "ns", value);
+    }
+    if let Some(value) = above(line.received_sv_time_uncertainty_ns, masks.max_received_time_uncertainty_ns) {
+        return refuse("mask: received time uncertainty", "ns", value);
+    }
+    if let Some(value) = line.cn0_dbhz.filter(|cn0| *cn0 < masks.min_cn0_dbhz) {
+        return refuse("mask: C/N0", "dB-Hz", value);
+    }
+    if line.multipath && masks.reject_multipath {
+        return refuse("mask: multipath indicator", "MultipathIndicator", 1.0);
+    }
+    // Longer offsets than this belong to no receiver: satellites move by 10 m in 10 ms.
+    if line.time_offset_ns.abs() > 1e7 {
+        return refuse("measurement far from its epoch", "TimeOffsetNanos", line.time_offset_ns);
+    }
+    Ok(())
+}

@@ -1,0 +1,145 @@
+//! Android's names of satellites and signals in RINEX terms.
+
+use crate::gnss::{Constellation, SatelliteId, SignalCode};
+
+/// A carrier may be this far from its nominal frequency, Hz: phones print it as a 32-bit float (64 Hz) and some round.
+const FREQUENCY_TOLERANCE_HZ: f64 = 200e3;
+const GLONASS_G1_HZ: f64 = 1602e6;
+const GLONASS_G1_STEP_HZ: f64 = 562.5e3;
+const GLONASS_G2_HZ: f64 = 1246e6;
+const GLONASS_G2_STEP_HZ: f64 = 437.5e3;
+/// Widest offset from a channel's frequency, Hz.
+const CHANNEL_TOLERANCE_HZ: f64 = 100e3;
+
+/// Bands to look for, with the attribute of the signal that phones track where the log has no code type.
+const BANDS: [(Constellation, &[(u8, u8)]); 6] = [
+    (Constellation::Gps, &[(b'1', b'C'), (b'5', b'Q'), (b'2', b'L')]),
+    (Constellation::Galileo, &[(b'1', b'C'), (b'5', b'Q'), (b'7', b'Q'), (b'6', b'C'), (b'8', b'Q')]),
+    (Constellation::Beidou, &[(b'2', b'I'), (b'1', b'P'), (b'5', b'P'), (b'7', b'I'), (b'6', b'I')]),
+    (Constellation::Qzss, &[(b'1', b'C'), (b'5', b'Q'), (b'2', b'L'), (b'6', b'L')]),
+    (Constellation::Sbas, &[(b'1', b'C'), (b'5', b'I')]),
+    (Constellation::Navic, &[(b'5', b'A'), (b'9', b'A')]),
+];
+
+/// The satellite of `ConstellationType` and `Svid` (Android API, `GnssStatus.getSvid`), or the reason why there is none.
+pub(super) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteId, &'static str> {
+    use Constellation::{Beidou, Galileo, Glonass, Gps, Navic, Qzss, Sbas};
+    let (constellation, number) = match (constellation_type, svid) {
+        (1, 1..=32) => (Gps, svid),
+        (2, 120..=158 | 183..=192) => (Sbas, svid - 100),
+        (3, 1..=32) => (Glonass, svid),
+        (3, 93..=106) => return Err("GLONASS satellite known by its frequency channel only"),
+        (4, 193..=202) => (Qzss, svid - 192),
+        (5, 1..=63) => (Beidou, svid),
+        // Some chips count from 201 on.
+        (5, 201..=263) => (Beidou, svid - 200),
+        (6, 1..=36) => (Galileo, svid),
+        (7, 1..=14) => (Navic, svid),
+        (1..=7, _) => return Err("satellite number outside its system"),
+        _ => return Err("unknown constellation type"),
+    };
+    let number = u8::try_from(number).map_err(|_| "satellite number outside its system")?;
+    Ok(SatelliteId::new(constellation, number))
+}
+
+/// A signal and, for GLONASS, its frequency channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Signal {
+    pub(super) code: SignalCode,
+    pub(super) glonass_channel: Option<i8>,
+}
+
+/// The signal on a carrier. Without a frequency, as in logs of 2016, it is the system's primary civil signal. `None` when
+/// the system has no signal at that frequency.
+pub(super) fn signal(
+    constellation: Constellation,
+    frequency_hz: Option<f64>,
+    code_type: Option<u8>,
+) -> Option<Signal> {
+    if constellation == Constellation::Glonass {
+        return glonass(frequency_hz, code_type);
+    }
+    let bands = BANDS.iter().find(|(system, _)| *system == constellation)?.1;
+    let (band, usual) = match frequency_hz {
+        None => *bands.first()?,
+        Some(frequency) => *bands.iter().find(|(band, attribute)| {
+            SignalCode::new(*band, *attribute)
+                .frequency_hz(constellation, None)
+                .is_some_and(|nominal| (nominal - frequency).abs() <= FREQUENCY_TOLERANCE_HZ)
+        })?,
+    };
+    Some(Signal { code: SignalCode::new(band, code_type.unwrap_or(usual)), glonass_channel: None })
+}
+
+fn glonass(frequency_hz: Option<f64>, code_type: Option<u8>) -> Option<Signal> {
+    let attribute = code_type.unwrap_or(b'C');
+    let Some(frequency) = frequency_hz else {
+        return Some(Signal { code: SignalCode::new(b'1', attribute), glonass_channel: None });
+    };
+    let on = |band: u8, centre_hz: f64, step_hz: f64| {
+        let channel = (-7..=6_i8)
+            .find(|k| (centre_hz + f64::from(*k) * step_hz - frequency).abs() <= CHANNEL_TOLERANCE_HZ)?;
+        Some(Signal { code: SignalCode::new(band, attribute), glonass_channel: Some(channel) })
+    };
+    on(b'1', GLONASS_G1_HZ, GLONASS_G1_STEP_HZ).or_else(|| on(b'2', GLONASS_G2_HZ, GLONASS_G2_STEP_HZ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn named(kind: i64, svid: i64) -> String {
+        satellite(kind, svid).map_or_else(str::to_owned, |s| s.to_string())
+    }
+
+    #[test]
+    fn satellites_by_type_and_number() {
+        for (kind, svid, expected) in [
+            (1, 7, "G07"),
+            (2, 120, "S20"),
+            (2, 192, "S92"),
+            (3, 24, "R24"),
+            (4, 193, "J01"),
+            (4, 199, "J07"),
+            (5, 60, "C60"),
+            (5, 206, "C06"),
+            (6, 36, "E36"),
+            (7, 9, "I09"),
+            (3, 93, "GLONASS satellite known by its frequency channel only"),
+            (3, 106, "GLONASS satellite known by its frequency channel only"),
+            (1, 0, "satellite number outside its system"),
+            (1, 193, "satellite number outside its system"),
+            (0, 7, "unknown constellation type"),
+        ] {
+            assert_eq!(named(kind, svid), expected, "{kind} {svid}");
+        }
+    }
+
+    #[test]
+    fn signals_by_frequency() {
+        use Constellation::{Beidou, Galileo, Glonass, Gps, Navic, Qzss};
+        let code = |system, hz: Option<f64>, kind: Option<u8>| {
+            signal(system, hz, kind).map(|s| (s.code.to_string(), s.glonass_channel))
+        };
+        let plain = |text: &str| Some((text.to_owned(), None));
+        assert_eq!(code(Gps, None, None), plain("1C"));
+        assert_eq!(code(Gps, Some(1_176_450_050.0), Some(b'Q')), plain("5Q"));
+        assert_eq!(code(Gps, Some(1_227_600_000.0), None), plain("2L"));
+        assert_eq!(code(Galileo, Some(1_575_420_030.0), Some(b'B')), plain("1B"));
+        assert_eq!(code(Galileo, Some(1_207_140_000.0), None), plain("7Q"));
+        assert_eq!(code(Beidou, None, None), plain("2I"));
+        assert_eq!(code(Beidou, Some(1_561_097_980.0), None), plain("2I"));
+        assert_eq!(code(Beidou, Some(1_575_420_030.0), None), plain("1P"));
+        assert_eq!(code(Beidou, Some(1_176_450_050.0), Some(b'X')), plain("5X"));
+        assert_eq!(code(Qzss, Some(1_176_450_050.0), None), plain("5Q"));
+        assert_eq!(code(Navic, None, None), plain("5A"));
+        assert_eq!(code(Glonass, Some(1_599_750_020.0), Some(b'C')), Some(("1C".to_owned(), Some(-4))));
+        assert_eq!(code(Glonass, Some(1_248_625_000.0), None), Some(("2C".to_owned(), Some(6))));
+        assert_eq!(code(Glonass, None, None), plain("1C"));
+        for (system, hz) in
+            [(Gps, 1_561_098_000.0), (Glonass, 1_575_420_000.0), (Galileo, 0.0), (Gps, f64::MAX)]
+        {
+            assert_eq!(code(system, Some(hz), None), None);
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Galileo I/NAV words to ephemerides (Galileo OS SIS ICD 2.1, 4.3.5 and 5.1).
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+use super::bits::{scaled, signed, unsigned};
+use super::galileo_page::{Word, word};
+use super::{ReceiverCheck, Refused, plausible, refused};
+use crate::gnss::SatelliteId;
+use crate::orbit::{KeplerEphemeris, NavigationMessage};
+use crate::time::{GpsTime, SECONDS_PER_WEEK};
+
+/// Galileo's week 0 is GPS week 1024.
+const WEEK_OFFSET: i64 = 1024;
+/// Weeks are sent modulo this.
+const WEEKS: i64 = 4096;
+/// A message is sent for at most some hours after its reference time; this (s) allows for old logs of stored messages.
+const MAX_AGE_S: f64 = 86_400.0;
+
+/// Puts I/NAV words 1 to 5 together. One serves all satellites.
+#[derive(Clone, Debug, Default)]
+pub struct InavAssembler {
+    satellites: BTreeMap<SatelliteId, Words>,
+}
+
+/// The latest words 1 to 5 of a satellite.
+#[derive(Clone, Debug, Default)]
+struct Words {
+    words: [Option<Word>; 5],
+    given: Option<KeplerEphemeris>,
+}
+
+impl InavAssembler {
+    /// Takes a page: 29 bytes, the even half and the odd one of 114 bits each, without synchronisation and tail bits.
+    /// `now` resolves the week; it may be days off. Gives the ephemeris that the page completes, if it is another than the
+    /// one given before.
+    ///
+    /// # Errors
+    /// When the page is damaged, or the ephemeris that it completes cannot be one.
+    pub fn page(
+        &mut self,
+        satellite: SatelliteId,
+        bytes: &[u8],
+        receiver: ReceiverCheck,
+        now: GpsTime,
+    ) -> Result<Option<KeplerEphemeris>, Refused> {
+        let word =
+            word(bytes, receiver).map_err(|r| refused(r.reason, format!("{satellite}: {}", r.detail)))?;
+        let Some(word) = word else { return Ok(None) };
+        let kind = usize::try_from(unsigned(&word, 0, 6)).unwrap_or_default();
+        let words = self.satellites.entry(satellite).or_default();
+        let Some(place) = kind.checked_sub(1).and_then(|k| words.words.get_mut(k)) else { return Ok(None) };
+        *place = Some(word);
+        words.complete(satellite, now)
+    }
+}
+
+impl Words {
+    fn complete(&mut self, satellite: SatelliteId, now: GpsTime) -> Result<Option<KeplerEphemeris>, Refused> {
+        let [Some(one), Some(two), Some(three), Some(four), Some(five)] = self.words else { return Ok(None) };
+        let issue = unsigned(&one, 6, 10);
+        if [two, three, four].iter().any(|word| unsigned(word, 6, 10) != issue) {
+            return Ok(None);
+        }
+        let named = unsigned(&four, 16, 6);
+        if named != u64::from(satellite.number) {
+            return Err(refused("I/NAV words of another satellite", format!("{satellite}: SVID {named}")));
+        }
+        check_week(satellite, &five, now)?;
+        let ephemeris = ephemeris(satellite, &[one, two, three, four, five], now)?;
+        if self.given == Some(ephemeris) {
+            return Ok(None);
+        }
+        plausible::check(&ephemeris)?;
+        self.given = Some(ephemeris);
+        Ok(Some(ephemeris))
+    }
+}
+
+/// The week of word 5 (modulo 4096) must be that of the recording, or one next to it: word 5 may be older than `now`.
+fn check_week(satellite: SatelliteId, five: &Word, now: GpsTime) -> Result<(), Refused> {
+    let broadcast = i64::try_from(unsigned(five, 73, 12)).unwrap_or_default();
+    let expected = now.week() - WEEK_OFFSET;
+    let apart = (broadcast - expected).rem_euclid(WEEKS);
+    if apart <= 1 || apart == WEEKS - 1 {
+        return Ok(());
+    }
+    let detail = format!("{satellite}: week {broadcast}, {} expected at {now}", expected.rem_euclid(WEEKS));
+    Err(refused("ephemeris of another week than the recording's", detail))
+}
+
+/// Reference time of `minutes` into the week, in the week that brings it nearest to `now`.
+fn reference(minutes: u64, satellite: SatelliteId, now: GpsTime) -> Result<GpsTime, Refused> {
+    let tow_s = minutes as f64 * 60.0;
+    let same_week = GpsTime::from_week_tow(now.week(), tow_s);
+    let time = same_week + ((now - same_week) / SECONDS_PER_WEEK).round() * SECONDS_PER_WEEK;
+    if tow_s < SECONDS_PER_WEEK && (time - now).abs() <= MAX_AGE_S {
+        return Ok(time);
+    }
+    let detail = format!("{satellite}: reference time {tow_s} s of the week, received at {now}");
+    Err(refused("ephemeris with impossible values", detail))
+}
+
+/// Tables 42 to 46 and 67 of the ICD. Words count from 0 here.
+fn ephemeris(
+    satellite: SatelliteId,
+    [one, two, three, four, five]: &[Word; 5],
+    now: GpsTime,
+) -> Result<KeplerEphemeris, Refused> {
+    let number =
+        |word: &Word, at: usize, count: usize, exponent: i32| scaled(signed(word, at, count), exponent);
+    let positive = |word: &Word, at: usize, count: usize, exponent: i32| {
+        unsigned(word, at, count) as f64 * 2_f64.powi(exponent)
+    };
+    let angle = |word: &Word, at: usize, count: usize, exponent: i32| number(word, at, count, exponent) * PI;
+    Ok(KeplerEphemeris {
+        satellite,
+        message: NavigationMessage::GalileoInav,
+        toe: reference(unsigned(one, 16, 14), satellite, now)?,
+        toe_own_tow_s: unsigned(one, 16, 14) as f64 * 60.0,
+        toc: reference(unsigned(four, 54, 14), satellite, now)?,
+        sqrt_a: positive(one, 94, 32, -19),
+        eccentricity: positive(one, 62, 32, -33),
+        i0_rad: angle(two, 48, 32, -31),
+        i_dot_radps: angle(two, 112, 14, -43),
+        omega0_rad: angle(two, 16, 32, -31),
+        omega_dot_radps: angle(three, 16, 24, -43),
+        omega_rad: angle(two, 80, 32, -31),
+        m0_rad: angle(one, 30, 32, -31),
+        delta_n_radps: angle(three, 40, 16, -43),
+        cuc_cus_rad: (number(three, 56, 16, -29), number(three, 72, 16, -29)),
+        crc_crs_m: (number(three, 88, 16, -5), number(three, 104, 16, -5)),
+        cic_cis_rad: (number(four, 22, 16, -29), number(four, 38, 16, -29)),
+        clock: (number(four, 68, 31, -34), number(four, 99, 21, -46), number(four, 120, 6, -59)),
+        group_delays_s: (number(five, 47, 10, -32), number(five, 57, 10, -32)),
+        accuracy_m: accuracy_m(unsigned(three, 120, 8)),
+        health: health(five),
+        issue_of_data: u32::try_from(unsigned(one, 6, 10)).unwrap_or_default(),
+    })
+}
+
+/// Health as RINEX 3.05 (table A8) packs it: bit 0 E1-B DVS, 1-2 E1-B HS, 6 E5b DVS, 7-8 E5b HS. E5a is not in I/NAV.
+fn health(five: &Word) -> f64 {
+    let (e5b_hs, e1b_hs) = (unsigned(five, 67, 2), unsigned(five, 69, 2));
+    let (e5b_dvs, e1b_dvs) = (unsigned(five, 71, 1), unsigned(five, 72, 1));
+    (e1b_dvs | e1b_hs << 1 | e5b_dvs << 6 | e5b_hs << 7) as f64
+}
+
+/// Signal-in-space accuracy of an index, m (table 89). No prediction (255) and reserved numbers are taken as 10 m, as for
+/// files that do not give it.
+fn accuracy_m(index: u64) -> f64 {
+    let i = index as f64;
+    match index {
+        0..50 => 0.01 * i,
+        50..75 => 0.5 + 0.02 * (i - 50.0),
+        75..100 => 1.0 + 0.04 * (i - 75.0),
+        100..=125 => 2.0 + 0.16 * (i - 100.0),
+        _ => 10.0,
+    }
+}

@@ -1,0 +1,30 @@
+//! What no satellite broadcasts.
+
+use super::{Refused, refused};
+use crate::orbit::KeplerEphemeris;
+
+/// Reference times of orbit and clock are never farther apart than this, s.
+const MAX_TOE_TOC_S: f64 = 86_400.0;
+
+/// Refuses an ephemeris that cannot be one: a wrong bit that parity did not find, or a test transmission.
+pub(super) fn check(ephemeris: &KeplerEphemeris) -> Result<(), Refused> {
+    let limits = [
+        ("sqrt(A)", ephemeris.sqrt_a, 4e3, 8e3),
+        ("eccentricity", ephemeris.eccentricity, 0.0, 0.5),
+        ("OMEGA DOT", ephemeris.omega_dot_radps, -1e-7, 1e-7),
+        ("IDOT", ephemeris.i_dot_radps, -1e-8, 1e-8),
+        ("delta n", ephemeris.delta_n_radps, -1e-7, 1e-7),
+        ("af0", ephemeris.clock.0, -0.1, 0.1),
+        ("toe - toc", ephemeris.toe - ephemeris.toc, -MAX_TOE_TOC_S, MAX_TOE_TOC_S),
+    ];
+    for (name, value, low, high) in limits {
+        if !(low..=high).contains(&value) {
+            let satellite = ephemeris.satellite;
+            return Err(refused(
+                "ephemeris with impossible values",
+                format!("{satellite}: {name} = {value:e}, limits {low:e} to {high:e}"),
+            ));
+        }
+    }
+    Ok(())
+}
