@@ -5,7 +5,7 @@
 //! all is an error.
 
 use crate::gnss::ObservationEpoch;
-use crate::orbit::KeplerEphemeris;
+use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
 
 /// A record of a stream.
@@ -15,6 +15,8 @@ pub enum Record {
     Epoch(ObservationEpoch),
     /// A broadcast ephemeris.
     Ephemeris(Box<KeplerEphemeris>),
+    /// A GLONASS broadcast ephemeris.
+    Glonass(Box<GlonassEphemeris>),
 }
 
 /// The stream is not of the decoder's kind, or of a version that it does not read.

@@ -5,8 +5,11 @@
 use std::path::PathBuf;
 
 use cofix_common::constants::EARTH_ROTATION_RADPS;
+use cofix_common::frames::{Ecef, EcefVector};
 use cofix_common::gnss::{Constellation, SatelliteId};
-use cofix_common::orbit::{KeplerEphemeris, NavigationMessage, Products, Sp3};
+use cofix_common::orbit::{
+    GlonassEphemeris, KeplerEphemeris, NavigationMessage, Products, SatelliteState, Sp3,
+};
 use cofix_common::rinex::NavigationFile;
 use cofix_common::time::GpsTime;
 
@@ -112,6 +115,49 @@ fn kepler_orbits_match_the_vectors() {
     assert!(worst_sps < 1e-15, "{worst_sps} s/s");
 }
 
+fn glonass(table: &Table, row: &[String]) -> GlonassEphemeris {
+    let n = |name: &str| table.number(row, name);
+    let vector = |names: [&str; 3]| nalgebra::Vector3::from(names.map(n));
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small whole numbers
+    GlonassEphemeris {
+        satellite: table.text(row, "sat").parse().unwrap(),
+        toe: table.time(row, "toe_"),
+        position: Ecef(vector(["x0_m", "y0_m", "z0_m"])),
+        velocity: EcefVector(vector(["vx0_mps", "vy0_mps", "vz0_mps"])),
+        acceleration: EcefVector(vector(["ax_mps2", "ay_mps2", "az_mps2"])),
+        tau_s: n("taun_s"),
+        gamma: n("gamn"),
+        l2_delay_s: None,
+        frequency_channel: n("fcn") as i8,
+        health: Some(n("svh") as u8),
+        health_flags: None,
+        age_days: 0.0,
+        accuracy_m: 5.0,
+    }
+}
+
+#[test]
+fn glonass_orbits_match_the_vectors() {
+    let Some(table) = Table::read("oracle/sat/glonass_vectors_brd4.csv") else { return };
+    let (mut errors, mut worst_s, mut worst_mps) = (Vec::new(), 0.0_f64, 0.0_f64);
+    for row in &table.rows {
+        let ephemeris = glonass(&table, row);
+        let time = table.time(row, "");
+        let state = ephemeris.state(time);
+        let expected = nalgebra::Vector3::from(["x_m", "y_m", "z_m"].map(|name| table.number(row, name)));
+        errors.push((state.position.0 - expected).norm());
+        worst_s = worst_s.max((state.clock_s - table.number(row, "clk_s")).abs());
+        let slope = ephemeris.state(time + 0.5).position - ephemeris.state(time - 0.5).position;
+        worst_mps = worst_mps.max((slope.0 - state.velocity.0).norm());
+    }
+    errors.sort_by(f64::total_cmp);
+    let (median, worst) = (errors[errors.len() / 2], errors[errors.len() - 1]);
+    println!("{} rows: median {median:e}, worst {worst:e} m, {worst_s:e} s, {worst_mps:e} m/s", errors.len());
+    assert!(errors.len() == 260 && worst <= 1.4e-3, "{worst} m");
+    assert!(worst_s < 1e-15, "{worst_s} s");
+    assert!(worst_mps < 1e-4, "{worst_mps} m/s");
+}
+
 #[test]
 fn nodes_of_precise_orbits_come_back() {
     for path in [
@@ -150,6 +196,46 @@ struct Comparison {
     clock_s: f64,
 }
 
+impl Comparison {
+    fn add(&mut self, table: &Table, row: &[String], state: &SatelliteState) {
+        let expected = |names: [&str; 3]| nalgebra::Vector3::from(names.map(|name| table.number(row, name)));
+        let position = (state.position.0 - expected(["x_m", "y_m", "z_m"])).norm();
+        let velocity = (state.velocity.0 - expected(["vx_mps", "vy_mps", "vz_mps"])).norm();
+        self.selected_alike += 1;
+        self.position_m = self.position_m.max(position);
+        self.velocity_mps = self.velocity_mps.max(velocity);
+        self.clock_s = self.clock_s.max((state.clock_s - table.number(row, "clk_s")).abs());
+    }
+}
+
+/// GLONASS rows. A row's health is B_n + 2·flags, its group delay Δτ_n.
+fn compare_glonass(table: &Table, products: &Products) -> Comparison {
+    let mut result = Comparison::default();
+    for row in table.rows.iter().filter(|row| table.text(row, "sat").starts_with('R')) {
+        result.rows += 1;
+        let satellite: SatelliteId = table.text(row, "sat").parse().unwrap();
+        let time = table.time(row, "");
+        let Some(ephemeris) = products.glonass_ephemeris(satellite, time) else { continue };
+        if ephemeris.toe != table.time(row, "toe_") {
+            continue;
+        }
+        let flags =
+            f64::from(ephemeris.health.unwrap()) + 2.0 * f64::from(ephemeris.health_flags.unwrap_or(0));
+        assert_eq!(flags, table.number(row, "svh"), "{satellite} {time}");
+        let channel = products.glonass_channel(satellite, time).map(f64::from);
+        assert_eq!(channel, Some(table.number(row, "glo_fcn")), "{satellite} {time}");
+        let delay_s = table.number(row, "tgd0_s");
+        // The reference takes the mark of a missing value for a delay.
+        let known = Some(delay_s).filter(|s| *s < 1e8);
+        assert!(
+            (ephemeris.l2_delay_s.unwrap_or(0.0) - known.unwrap_or(0.0)).abs() < 1e-15,
+            "{satellite} {time}"
+        );
+        result.add(table, row, &ephemeris.state(time));
+    }
+    result
+}
+
 fn compare(table: &Table, products: &Products, system: char) -> Comparison {
     let mut result = Comparison::default();
     for row in table.rows.iter().filter(|row| table.text(row, "sat").starts_with(system)) {
@@ -161,11 +247,6 @@ fn compare(table: &Table, products: &Products, system: char) -> Comparison {
         if ephemeris.toe != table.time(row, "toe_") || !same_issue {
             continue;
         }
-        result.selected_alike += 1;
-        let state = ephemeris.state(time);
-        let expected = |names: [&str; 3]| nalgebra::Vector3::from(names.map(|name| table.number(row, name)));
-        let position = (state.position.0 - expected(["x_m", "y_m", "z_m"])).norm();
-        let velocity = (state.velocity.0 - expected(["vx_mps", "vy_mps", "vz_mps"])).norm();
         // One Galileo issue comes from E1 and from E5b, with group delays a few steps of 2⁻³² s apart; the table
         // has the first of them, we take the last.
         let step_s = if system == 'E' { 1.5e-9 } else { 1e-15 };
@@ -174,9 +255,7 @@ fn compare(table: &Table, products: &Products, system: char) -> Comparison {
         assert!((second_s - table.number(row, "tgd1_s")).abs() < step_s, "{satellite} {time}");
         // Where two messages differ in health alone we take the worse.
         assert!(ephemeris.health >= table.number(row, "svh"), "{satellite} {time}");
-        result.position_m = result.position_m.max(position);
-        result.velocity_mps = result.velocity_mps.max(velocity);
-        result.clock_s = result.clock_s.max((state.clock_s - table.number(row, "clk_s")).abs());
+        result.add(table, row, &ephemeris.state(time));
     }
     result
 }
@@ -200,7 +279,27 @@ fn states_from_navigation_files_match_the_tables() {
             assert!(result.velocity_mps < 1e-3, "{table} {system}: {result:?}");
             assert!(result.clock_s < 1e-12, "{table} {system}: {result:?}");
         }
+        let result = compare_glonass(&rows, &products);
+        println!("{table} R: {result:?}");
+        assert!(result.rows > 10 && result.selected_alike == result.rows, "{table} R: {result:?}");
+        assert!(result.position_m < 1.4e-3, "{table} R: {result:?}");
+        assert!(result.velocity_mps < 1e-3, "{table} R: {result:?}");
+        assert!(result.clock_s < 1e-12, "{table} R: {result:?}");
     }
+}
+
+#[test]
+fn states_from_a_rinex_2_file_match_the_table() {
+    let Some(rows) = Table::read("oracle/sat/satpos_rtklib_20050402.csv") else { return };
+    let Some(bytes) = shared("oracle/inputs/07590920.05n") else { return };
+    let file = NavigationFile::parse(&bytes).unwrap();
+    println!("{} ephemerides, {}", file.ephemerides.len(), file.skips);
+    assert_eq!(file.leap_seconds, Some(13));
+    assert!(file.skips.is_empty() && file.ionosphere.gps.is_some());
+    let result = compare(&rows, &Products::new(vec![], vec![file]), 'G');
+    println!("{result:?}");
+    assert!(result.rows > 10 && result.selected_alike == result.rows, "{result:?}");
+    assert!(result.position_m < 1e-4 && result.velocity_mps < 1e-3 && result.clock_s < 1e-12, "{result:?}");
 }
 
 /// Turns a vector about the Earth's axis.

@@ -28,6 +28,9 @@ pub struct CorrectionOptions {
     /// Standard deviation of BeiDou's clocks and group delays together, m. Theirs is larger than the others': TGD1 goes into
     /// B1I with a factor of 1.94 on precise clocks, and second- and third-generation satellites differ in receivers.
     pub beidou_bias_sigma_m: f64,
+    /// Standard deviation of GLONASS' biases between frequency channels, m. All channels of a band share one receiver
+    /// clock here, but each passes the receiver's filters differently, by metres in cheap receivers.
+    pub glonass_bias_sigma_m: f64,
     /// Relative humidity of the standard atmosphere, 0-1.
     pub relative_humidity: f64,
 }
@@ -40,7 +43,19 @@ impl Default for CorrectionOptions {
             stochastic: StochasticModel::default(),
             unknown_group_delay_sigma_m: 2.0,
             beidou_bias_sigma_m: 2.0,
+            glonass_bias_sigma_m: 3.0,
             relative_humidity: STANDARD_RELATIVE_HUMIDITY,
+        }
+    }
+}
+
+impl CorrectionOptions {
+    /// Standard deviation of what a system's signals differ by among themselves, m.
+    const fn system_bias_sigma_m(&self, constellation: Constellation) -> f64 {
+        match constellation {
+            Constellation::Beidou => self.beidou_bias_sigma_m,
+            Constellation::Glonass => self.glonass_bias_sigma_m,
+            _ => 0.0,
         }
     }
 }
@@ -116,9 +131,7 @@ impl Corrector {
                 },
             };
             last = Some(state);
-            let Some(frequency_hz) =
-                observation.signal.frequency_hz(observation.satellite.constellation, None)
-            else {
+            let Some(frequency_hz) = self.frequency_hz(observation, epoch.time_gps) else {
                 self.skips.add("no carrier frequency", || {
                     format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
                 });
@@ -169,10 +182,14 @@ impl Corrector {
 
     /// What a system's clocks and group delays add to the variance, m².
     fn system_variance_m2(&self, observation: &Observation) -> f64 {
-        match observation.satellite.constellation {
-            Constellation::Beidou => self.options.beidou_bias_sigma_m.powi(2),
-            _ => 0.0,
-        }
+        self.options.system_bias_sigma_m(observation.satellite.constellation).powi(2)
+    }
+
+    /// The carrier; of GLONASS by the channel in the navigation messages.
+    fn frequency_hz(&self, observation: &Observation, time_gps: GpsTime) -> Option<f64> {
+        let satellite = observation.satellite;
+        let channel = self.products.glonass_channel(satellite, time_gps);
+        observation.signal.frequency_hz(satellite.constellation, channel)
     }
 
     /// The satellite's state at transmission: t_tx = t_rx − P/c − dT_s.
@@ -214,7 +231,7 @@ impl Corrector {
             state.clock_reference,
             prepared.time_gps,
         );
-        let unknown = self.options.unknown_group_delay_sigma_m;
+        let unknown_m = self.options.unknown_group_delay_sigma_m;
         if group_delay_m.is_none() {
             self.skips.add("group delay unknown, used with a larger sigma", || {
                 format!("{} {}", observation.satellite, observation.signal)
@@ -231,8 +248,8 @@ impl Corrector {
             position: state.position,
             velocity: state.velocity,
             extra_variance_m2: state.sigma_m.powi(2)
-                + if group_delay_m.is_none() { unknown * unknown } else { 0.0 }
-                + self.system_variance_m2(observation),
+                + self.system_variance_m2(observation)
+                + if group_delay_m.is_none() { unknown_m * unknown_m } else { 0.0 },
             atmosphere_m: None,
         }
     }

@@ -86,6 +86,15 @@ impl GroupDelays {
     }
 }
 
+/// GLONASS: the clock τ_n is that of L1; L2 leaves the satellite Δτ_n later (ICD 4.4). Nothing is known of L3.
+pub(super) fn glonass_correction_m(signal: SignalCode, l2_delay_s: Option<f64>) -> Option<f64> {
+    match signal.band {
+        b'1' => Some(0.0),
+        b'2' => l2_delay_s.map(|delay_s| -SPEED_OF_LIGHT_MPS * delay_s),
+        _ => None,
+    }
+}
+
 /// (f_a / f_b)² of two bands of a system.
 fn ratio_squared(constellation: Constellation, a: u8, b: u8) -> Option<f64> {
     let frequency = |band: u8| SignalCode::new(band, b'X').frequency_hz(constellation, None);
@@ -160,6 +169,18 @@ mod tests {
         assert_eq!(correction_ns(Gps, b'5', Broadcast, Lnav), None);
         assert_eq!(correction_ns(Beidou, b'5', Broadcast, BeidouD1D2), None);
         assert_eq!(correction_ns(Constellation::Glonass, b'1', Broadcast, Lnav), None);
+    }
+
+    #[test]
+    fn glonass_clocks_are_those_of_l1() {
+        let delay = Some(5e-9);
+        assert_eq!(glonass_correction_m(SignalCode::new(b'1', b'C'), None), Some(0.0));
+        assert_eq!(
+            glonass_correction_m(SignalCode::new(b'2', b'C'), delay),
+            Some(-5e-9 * SPEED_OF_LIGHT_MPS)
+        );
+        assert_eq!(glonass_correction_m(SignalCode::new(b'2', b'C'), None), None);
+        assert_eq!(glonass_correction_m(SignalCode::new(b'3', b'X'), delay), None);
     }
 
     /// The two Galileo messages' clocks differ by their group delays, so the corrected E5a and E5b agree.

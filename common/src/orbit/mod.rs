@@ -1,6 +1,7 @@
-//! Satellite position, velocity and clock, from precise (SP3) or broadcast (Kepler) orbits.
+//! Satellite position, velocity and clock, from precise (SP3) or broadcast (Kepler, GLONASS) orbits.
 
 mod broadcast;
+mod glonass;
 mod group_delay;
 mod kepler;
 mod precise;
@@ -8,6 +9,7 @@ mod products;
 mod sp3;
 
 pub use broadcast::is_healthy;
+pub use glonass::GlonassEphemeris;
 pub use kepler::{KeplerEphemeris, NavigationMessage};
 pub use precise::{MAX_NODES, MIN_NODES};
 pub use products::Products;
@@ -37,7 +39,8 @@ pub struct SatelliteState {
 /// The signal (combination) that a satellite clock refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClockReference {
-    /// The broadcast message: L1/L2 P(Y) (GPS, QZSS), E1/E5b (Galileo I/NAV), E1/E5a (F/NAV), B3I (BeiDou).
+    /// The broadcast message: L1/L2 P(Y) (GPS, QZSS), E1/E5b (Galileo I/NAV), E1/E5a (F/NAV), B3I (BeiDou),
+    /// L1 (GLONASS).
     Broadcast,
     /// The ionosphere-free pair of the product: C1W/C2W (GPS), C1X/C5X (Galileo), C2I/C6I (BeiDou).
     IonosphereFree,

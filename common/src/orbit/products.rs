@@ -1,11 +1,14 @@
 //! Orbits, clocks, group delays and ionosphere terms from whatever files there are.
 
 use super::broadcast::BroadcastOrbit;
-use super::group_delay::GroupDelays;
+use super::glonass::GlonassOrbit;
+use super::group_delay::{GroupDelays, glonass_correction_m};
 use super::precise::PreciseOrbit;
-use super::{ClockReference, KeplerEphemeris, OrbitError, SatelliteState, Sp3, Sp3Position};
+use super::{
+    ClockReference, GlonassEphemeris, KeplerEphemeris, OrbitError, SatelliteState, Sp3, Sp3Position,
+};
 use crate::atmosphere::KlobucharCoefficients;
-use crate::gnss::{SatelliteId, SignalCode};
+use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::rinex::NavigationFile;
 use crate::time::GpsTime;
 
@@ -28,6 +31,20 @@ pub struct Products {
 struct Satellite {
     precise: PreciseOrbit,
     broadcast: BroadcastOrbit,
+    glonass: GlonassOrbit,
+}
+
+impl Satellite {
+    fn has_broadcast(&self) -> bool {
+        !self.broadcast.is_empty() || !self.glonass.is_empty()
+    }
+
+    fn broadcast_state(&self, satellite: SatelliteId, time: GpsTime) -> Result<SatelliteState, OrbitError> {
+        match satellite.constellation {
+            Constellation::Glonass => self.glonass.state(satellite, time),
+            _ => self.broadcast.state(satellite, time),
+        }
+    }
 }
 
 impl Products {
@@ -76,6 +93,11 @@ impl Products {
                 satellite.broadcast.add(ephemeris);
             }
         }
+        for ephemeris in file.glonass {
+            if let Some(satellite) = place(ephemeris.satellite).and_then(|at| self.satellites.get_mut(at)) {
+                satellite.glonass.add(ephemeris);
+            }
+        }
     }
 
     /// Satellite position, velocity and clock at an instant (of transmission, for a user), in the Earth-fixed
@@ -91,16 +113,16 @@ impl Products {
         let known = self.known(satellite).ok_or(OrbitError::Unknown { satellite })?;
         match known.precise.state(satellite, time) {
             Ok(state) => Ok(state),
-            Err(no_precise) if known.broadcast.is_empty() => Err(no_precise),
+            Err(no_precise) if !known.has_broadcast() => Err(no_precise),
             Err(OrbitError::NotCovered { first, last, .. }) => {
                 // Neither covers: the span of the precise orbits tells more than that of messages.
                 let not_covered = OrbitError::NotCovered { satellite, time, first, last };
-                known.broadcast.state(satellite, time).map_err(|error| match error {
+                known.broadcast_state(satellite, time).map_err(|error| match error {
                     OrbitError::Unhealthy { .. } => error,
                     _ => not_covered,
                 })
             }
-            Err(_) => known.broadcast.state(satellite, time),
+            Err(_) => known.broadcast_state(satellite, time),
         }
     }
 
@@ -115,7 +137,11 @@ impl Products {
         reference: ClockReference,
         time: GpsTime,
     ) -> Option<f64> {
-        let broadcast = &self.known(satellite)?.broadcast;
+        let known = self.known(satellite)?;
+        if satellite.constellation == Constellation::Glonass {
+            return glonass_correction_m(signal, known.glonass.nearest(time).and_then(|e| e.l2_delay_s));
+        }
+        let broadcast = &known.broadcast;
         let (main, fnav) = broadcast.nearest(time);
         let nearest = main.or(fnav)?;
         let message = broadcast.in_force(satellite, time).unwrap_or(nearest).message;
@@ -154,6 +180,17 @@ impl Products {
     /// The broadcast ephemeris in force for a satellite, whatever its health.
     pub fn ephemeris(&self, satellite: SatelliteId, time: GpsTime) -> Option<&KeplerEphemeris> {
         self.known(satellite)?.broadcast.in_force(satellite, time)
+    }
+
+    /// The GLONASS message in force for a satellite, whatever its health.
+    pub fn glonass_ephemeris(&self, satellite: SatelliteId, time: GpsTime) -> Option<&GlonassEphemeris> {
+        self.known(satellite)?.glonass.in_force(time)
+    }
+
+    /// The frequency channel of a GLONASS satellite by the message nearest to `time`, at any age: satellites keep
+    /// their channel for months. `None` for other systems and for satellites without a message.
+    pub fn glonass_channel(&self, satellite: SatelliteId, time: GpsTime) -> Option<i8> {
+        self.known(satellite)?.glonass.nearest(time).map(|ephemeris| ephemeris.frequency_channel)
     }
 
     fn known(&self, satellite: SatelliteId) -> Option<&Satellite> {

@@ -1,8 +1,10 @@
-//! Header of a RINEX 3 observation file.
+//! Header of an observation file.
 
 use std::collections::BTreeMap;
 
-use super::{RinexError, columns, integer, real, shorten, text};
+use super::types_2::{SYSTEMS_2, TypeList};
+use super::version::Version;
+use super::{RinexError, columns, integer, leap_seconds, leap_seconds_at, real, shorten, text};
 use crate::frames::Ecef;
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::time::{BEIDOU_BEHIND_GPS_S, Calendar, GpsTime};
@@ -48,9 +50,10 @@ pub struct ObservationHeader {
     pub interval_s: Option<f64>,
     /// Time of the first observation, GPS time.
     pub first_observation: Option<GpsTime>,
-    /// Seconds that GPS time is ahead of UTC.
+    /// Seconds that GPS time is ahead of UTC, where stated.
     pub leap_seconds: Option<i64>,
-    /// The time system as written (GPS, GAL, BDT, …); empty when not stated, which is read as GPS time.
+    /// The time system as written (GPS, GAL, BDT, …); empty when not stated: then the time of
+    /// the file's one system, GPS time for a mixed file.
     pub time_system: String,
     /// Seconds to add to the file's times to get GPS time.
     pub to_gps_time_s: f64,
@@ -74,6 +77,10 @@ impl ObservationHeader {
 #[derive(Clone, Debug, Default)]
 pub(super) struct HeaderBuilder {
     header: ObservationHeader,
+    version: Version,
+    types_2: TypeList,
+    /// Times are in UTC and the header does not give the leap seconds.
+    utc_by_date: bool,
     lines: u64,
     /// System and number of types still to come on continuation lines.
     continued: Option<(Constellation, usize)>,
@@ -90,6 +97,7 @@ struct Scaled {
 }
 
 const TYPES_LABEL: &str = "SYS / # / OBS TYPES";
+const TYPES_2_LABEL: &str = "# / TYPES OF OBSERV";
 const SCALE_LABEL: &str = "SYS / SCALE FACTOR";
 const FIRST_LABEL: &str = "TIME OF FIRST OBS";
 
@@ -104,12 +112,40 @@ impl HeaderBuilder {
         &self.header
     }
 
+    /// Whether it is a RINEX 2 file.
+    pub(super) const fn is_2(&self) -> bool {
+        self.version.is_2()
+    }
+
+    /// Number of observation types of a RINEX 2 file.
+    pub(super) const fn types_2(&self) -> usize {
+        self.types_2.len()
+    }
+
+    /// Number of observation types of a satellite, by its identifier.
+    pub(super) fn types_of(&self, [letter, ..]: [u8; 3]) -> usize {
+        if self.is_2() {
+            return self.types_2();
+        }
+        let constellation = Constellation::from_letter(letter as char);
+        constellation.and_then(|c| self.header.observation_types.get(&c)).map_or(0, Vec::len)
+    }
+
+    /// Letter of the system that satellites without a letter belong to (RINEX 2).
+    pub(super) fn default_letter(&self) -> u8 {
+        match self.version.system {
+            Some(Constellation::Glonass) => b'R',
+            _ => b'G',
+        }
+    }
+
     /// Takes a line; true when it was END OF HEADER.
     pub(super) fn line(&mut self, number: u64, line: &[u8]) -> Result<bool, RinexError> {
         self.lines += 1;
         let label = columns(line, 60, 80).trim_ascii();
         if self.lines == 1 {
-            self.header.version = version(number, line, label, b'O', "observation")?;
+            self.version = Version::read(number, line, b"O", "observation")?;
+            self.header.version = self.version.number;
             return Ok(false);
         }
         self.record(line, label).map_err(|label| RinexError::HeaderLine {
@@ -127,7 +163,7 @@ impl HeaderBuilder {
             b"REC # / TYPE / VERS" => self.header.receiver_type = text(columns(line, 20, 40)),
             b"APPROX POSITION XYZ" => self.header.approximate_position = position(line),
             b"INTERVAL" => self.header.interval_s = real(columns(line, 0, 10)).filter(|s| *s > 0.0),
-            b"LEAP SECONDS" => self.header.leap_seconds = leap_seconds(line),
+            b"LEAP SECONDS" => self.header.leap_seconds = leap_seconds::header_line(line),
             b"SYS / # / OBS TYPES" => self.observation_types(line).ok_or(TYPES_LABEL)?,
             b"SYS / SCALE FACTOR" => self.scale_factor(line).ok_or(SCALE_LABEL)?,
             b"TIME OF FIRST OBS" => {
@@ -135,6 +171,7 @@ impl HeaderBuilder {
                 self.header.time_system = text(columns(line, 48, 51));
                 self.first_observation_own.ok_or(FIRST_LABEL)?;
             }
+            b"# / TYPES OF OBSERV" => self.observation_types_2(line).ok_or(TYPES_2_LABEL)?,
             b"GLONASS SLOT / FRQ #" => self.glonass_slots(line),
             _ => {}
         }
@@ -146,19 +183,36 @@ impl HeaderBuilder {
         if self.header.observation_types.values().all(Vec::is_empty) {
             return Err(RinexError::NoObservationTypes);
         }
-        let system = self.header.time_system.clone();
-        self.header.to_gps_time_s = match system.as_str() {
+        let system = match (self.header.time_system.as_str(), self.version.system) {
+            ("", Some(Constellation::Glonass)) => "GLO",
+            ("", Some(Constellation::Beidou)) => "BDT",
+            (stated, _) => stated,
+        };
+        self.header.to_gps_time_s = match system {
             "" | "GPS" | "GAL" | "QZS" | "IRN" => 0.0,
             "BDT" => BEIDOU_BEHIND_GPS_S,
-            "GLO" | "UTC" => match self.header.leap_seconds {
-                Some(leap) => leap as f64,
-                None => return Err(RinexError::LeapSecondsUnknown { system }),
-            },
-            _ => return Err(RinexError::TimeSystem { found: system }),
+            "GLO" | "UTC" => {
+                self.utc_by_date = self.header.leap_seconds.is_none();
+                let at = self.first_observation_own.unwrap_or_else(|| GpsTime::from_nanos(i64::MAX));
+                self.header.leap_seconds.unwrap_or_else(|| leap_seconds_at(at)) as f64
+            }
+            other => return Err(RinexError::TimeSystem { found: other.to_owned() }),
         };
-        let offset = self.header.to_gps_time_s;
-        self.header.first_observation = self.first_observation_own.map(|time| time + offset);
+        self.header.first_observation = self.first_observation_own.map(|time| self.to_gps(time));
         Ok(())
+    }
+
+    /// A time of the file in GPS time.
+    pub(super) fn to_gps(&self, own: GpsTime) -> GpsTime {
+        own + if self.utc_by_date { leap_seconds_at(own) as f64 } else { self.header.to_gps_time_s }
+    }
+
+    fn observation_types_2(&mut self, line: &[u8]) -> Option<()> {
+        self.types_2.line(line)?;
+        for constellation in SYSTEMS_2.into_iter().filter(|_| !self.types_2.is_empty()) {
+            self.header.observation_types.insert(constellation, self.types_2.of(constellation));
+        }
+        Some(())
     }
 
     fn observation_types(&mut self, line: &[u8]) -> Option<()> {
@@ -224,37 +278,6 @@ impl HeaderBuilder {
             slot = named.map(|satellite| satellite.number);
         }
     }
-}
-
-/// Checks the first line and gives the version times 100.
-pub(super) fn version(
-    number: u64,
-    line: &[u8],
-    label: &[u8],
-    wanted: u8,
-    expected: &'static str,
-) -> Result<u16, RinexError> {
-    if label.starts_with(b"CRINEX VERS") {
-        return Err(RinexError::Hatanaka);
-    }
-    if label != b"RINEX VERSION / TYPE" {
-        return Err(RinexError::NotRinex { line: number, found: shorten(line) });
-    }
-    let field = columns(line, 0, 9);
-    let found = || RinexError::Version { found: text(field) };
-    let version = real(field).map(|v| (v * 100.0).round()).filter(|v| (300.0..=305.0).contains(v));
-    let kind = columns(line, 20, 40);
-    if version.is_some() && kind.first() != Some(&wanted) {
-        return Err(RinexError::WrongType { expected, found: text(kind) });
-    }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within 300 to 305
-    version.map(|v| v as u16).ok_or_else(found)
-}
-
-/// Seconds that GPS time is ahead of UTC. The line may count them for BeiDou time instead.
-pub(super) fn leap_seconds(line: &[u8]) -> Option<i64> {
-    let seconds = integer(columns(line, 0, 6)).filter(|s| (0..=100).contains(s))?;
-    Some(if columns(line, 24, 27) == b"BDS" { seconds + 14 } else { seconds })
 }
 
 fn position(line: &[u8]) -> Option<Ecef> {

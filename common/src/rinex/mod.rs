@@ -1,21 +1,36 @@
-//! RINEX 3.0x observation and navigation files (Gini: RINEX, the Receiver Independent Exchange Format, 3.05).
+//! RINEX 2, 3 and 4 observation and navigation files (Gurtner, Estey: RINEX 2.11; Romero: RINEX 3.05 and 4.01).
 //!
-//! The observation decoder takes one line at a time and owns no input; the functions over whole files accept
-//! plain or gzip-compressed bytes. Damage costs the damaged value, line or record, and is counted in
+//! Observation files may be in Compact RINEX 1 or 3 (Hatanaka). The decoders take bytes in any portions (see
+//! [`crate::decode::Decoder`]) and own no input; the functions over whole files accept plain or gzip-compressed bytes. Damage costs the damaged value, line or record, and is counted in
 //! [`crate::skips::Skips`].
 
 mod decimal;
 mod decompress;
+mod differences;
+mod epoch_2;
+mod glonass_record;
+mod hatanaka;
 mod header;
+mod leap_seconds;
+mod line_assembly;
 mod navigation;
+mod navigation_decoder;
+mod navigation_header;
 mod navigation_record;
 mod observation;
 mod observation_record;
+mod stream;
+mod types_2;
+mod version;
 
 pub(crate) use decimal::{integer, real};
 pub use decompress::{DecompressError, MAX_DECOMPRESSED_BYTES, decompress};
 pub use header::{ObservationHeader, ObservationKind, ObservationType};
-pub use navigation::{IonosphereTerms, NavigationFile};
+pub use leap_seconds::leap_seconds_at;
+pub use line_assembly::MAX_LINE_BYTES;
+pub use navigation::NavigationFile;
+pub use navigation_decoder::NavigationDecoder;
+pub use navigation_header::IonosphereTerms;
 pub use observation::{ObservationDecoder, ObservationFile};
 
 /// Why a file cannot be read at all.
@@ -38,14 +53,19 @@ pub enum RinexError {
         found: String,
     },
     /// A version that is not read here.
-    #[error("RINEX version {found} is not supported; versions 3.00 to 3.05 are (convert the file first)")]
+    #[error(
+        "RINEX version {found} is not supported; versions 2.00 to 2.12, 3.00 to 3.05 and 4.00 to 4.02 are"
+    )]
     Version {
         /// What the header says.
         found: String,
     },
-    /// A Hatanaka-compressed file.
-    #[error("this is a Hatanaka-compressed (CRINEX) file; expand it with crx2rnx first")]
-    Hatanaka,
+    /// A Compact RINEX version that is not read here.
+    #[error("Compact RINEX (Hatanaka) versions 1 and 3 are read, but this says '{found}'")]
+    CompactVersion {
+        /// The first line, shortened.
+        found: String,
+    },
     /// A header line that is needed and cannot be read.
     #[error("header line {line} ({label}) cannot be read: '{text}'")]
     HeaderLine {
@@ -63,21 +83,13 @@ pub enum RinexError {
         lines: u64,
     },
     /// The header lists no observation types.
-    #[error("the header has no 'SYS / # / OBS TYPES' line, so the columns have no meaning")]
+    #[error("the header has no list of observation types, so the columns have no meaning")]
     NoObservationTypes,
     /// A time system that is not known.
     #[error("time system '{found}' in TIME OF FIRST OBS is not known; GPS, GAL, QZS, IRN, BDT, GLO, UTC are")]
     TimeSystem {
         /// What the header says.
         found: String,
-    },
-    /// UTC times without the leap seconds.
-    #[error(
-        "times are in {system}, but the header has no LEAP SECONDS; add that line to convert to GPS time"
-    )]
-    LeapSecondsUnknown {
-        /// The time system.
-        system: String,
     },
     /// The gzip container is damaged or too large.
     #[error(transparent)]

@@ -1,5 +1,6 @@
 //! One record of a navigation file: numbers to ephemeris, with plausibility limits.
 
+use super::version::year_2;
 use super::{columns, integer, real};
 use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{KeplerEphemeris, NavigationMessage};
@@ -36,10 +37,10 @@ pub(super) struct Fault {
 }
 
 impl Record {
-    /// Begins with the line of satellite and epoch.
+    /// Begins with the line of satellite and epoch of RINEX 3 and 4.
     pub(super) fn begin(line: u64, text: &[u8]) -> Option<Self> {
         let satellite = SatelliteId::from_bytes(*text.first_chunk::<3>()?)?;
-        let small = |from: usize| integer(columns(text, from, from + 2)).and_then(|v| u32::try_from(v).ok());
+        let small = |from: usize| small(columns(text, from, from + 2));
         let epoch = Calendar {
             year: i32::try_from(integer(columns(text, 4, 8))?).ok()?,
             month: small(9)?,
@@ -48,32 +49,72 @@ impl Record {
             minute: small(18)?,
             second: real(columns(text, 21, 23))?,
         };
-        let mut record = Self { line, satellite, epoch, values: [None; VALUES], filled: 0 };
-        record.append(columns(text, 23, 80), 3);
-        Some(record)
+        Some(Self::new(line, satellite, epoch, columns(text, 23, 80)))
     }
 
-    /// Takes a further line.
-    pub(super) fn continuation(&mut self, text: &[u8]) {
-        self.append(columns(text, 4, 80), 4);
+    /// Begins with the line of satellite and epoch of RINEX 2 (tables A4, A11), whose files are of one system.
+    pub(super) fn begin_2(line: u64, text: &[u8], constellation: Constellation) -> Option<Self> {
+        let number = small(columns(text, 0, 2)).and_then(|n| u8::try_from(n).ok())?;
+        // RINEX 2 writes SBAS satellites as PRN less 100.
+        let satellite = SatelliteId::new(constellation, number);
+        let small = |from: usize| small(columns(text, from, from + 2));
+        let epoch = Calendar {
+            year: year_2(columns(text, 3, 5))?,
+            month: small(6)?,
+            day: small(9)?,
+            hour: small(12)?,
+            minute: small(15)?,
+            second: real(columns(text, 17, 22))?,
+        };
+        (1..100).contains(&number).then(|| Self::new(line, satellite, epoch, columns(text, 22, 79)))
+    }
+
+    /// Begins with a line that has the epoch alone (ionosphere records of RINEX 4). Satellite and epoch do not matter.
+    pub(super) fn begin_without_satellite(line: u64, text: &[u8]) -> Self {
+        let satellite = SatelliteId::new(Constellation::Gps, 0);
+        Self::new(line, satellite, GpsTime::default().calendar(), columns(text, 23, 80))
+    }
+
+    fn new(line: u64, satellite: SatelliteId, epoch: Calendar, values: &[u8]) -> Self {
+        let mut record = Self { line, satellite, epoch, values: [None; VALUES], filled: 0 };
+        record.append(values, 3);
+        record
+    }
+
+    /// Takes the columns of a further line from the first number on.
+    pub(super) fn continuation(&mut self, values: &[u8]) {
+        self.append(values, 4);
+    }
+
+    /// A number by its place in the record; `None` where it is missing or unreadable.
+    pub(super) fn value(&self, index: usize) -> Option<f64> {
+        self.values.get(index).copied().flatten()
+    }
+
+    /// The epoch in the record's own time system, read as if it were GPS time.
+    pub(super) fn own_epoch(&self) -> Result<GpsTime, Fault> {
+        GpsTime::from_calendar(self.epoch).ok_or_else(|| Fault {
+            reason: "record with impossible values",
+            detail: format!("epoch {:?}", self.epoch),
+        })
     }
 
     fn append(&mut self, text: &[u8], count: usize) {
         for k in 0..count {
-            if let Some(value) = self.values.get_mut(self.filled + k) {
+            if let Some(value) = self.values.get_mut(self.filled.saturating_add(k)) {
                 *value = real(columns(text, 19 * k, 19 * k + 19));
             }
         }
-        self.filled += count;
+        self.filled = self.filled.saturating_add(count);
     }
 
     /// A number that must be there and have a magnitude of at most `limit`.
-    fn within(&self, index: usize, name: &'static str, limit: f64) -> Result<f64, Fault> {
+    pub(super) fn within(&self, index: usize, name: &'static str, limit: f64) -> Result<f64, Fault> {
         self.between(index, name, -limit, limit)
     }
 
     fn between(&self, index: usize, name: &'static str, low: f64, high: f64) -> Result<f64, Fault> {
-        let value = self.values.get(index).copied().flatten();
+        let value = self.value(index);
         let value = value.ok_or_else(|| Fault {
             reason: "record with missing or unreadable values",
             detail: format!("{name} is missing or not a number"),
@@ -89,9 +130,13 @@ impl Record {
 
     /// A group delay in seconds, NaN where it is missing.
     fn group_delay(&self, index: usize) -> f64 {
-        let value = self.values.get(index).copied().flatten();
+        let value = self.value(index);
         value.filter(|delay| delay.abs() <= MAX_GROUP_DELAY_S).unwrap_or(f64::NAN)
     }
+}
+
+fn small(field: &[u8]) -> Option<u32> {
+    integer(field).and_then(|v| u32::try_from(v).ok())
 }
 
 /// The ephemeris of a record and the time of its transmission (its reference time where that is not known).
@@ -156,11 +201,7 @@ fn galileo_message(record: &Record) -> Result<NavigationMessage, Fault> {
 }
 
 fn clock_reference(record: &Record) -> Result<GpsTime, Fault> {
-    let own = GpsTime::from_calendar(record.epoch).ok_or_else(|| Fault {
-        reason: "record with impossible values",
-        detail: format!("epoch {:?}", record.epoch),
-    })?;
-    Ok(own + own_behind_gps_s(record))
+    Ok(record.own_epoch()? + own_behind_gps_s(record))
 }
 
 fn own_behind_gps_s(record: &Record) -> f64 {
@@ -203,7 +244,7 @@ fn check_week(record: &Record, toe: GpsTime) -> Result<(), Fault> {
 
 /// Time of transmission, s of the own week; `toe` where the file does not know it.
 fn transmission(record: &Record, toe: GpsTime) -> GpsTime {
-    let tow = record.values.get(27).copied().flatten().filter(|t| t.abs() <= 2.0 * SECONDS_PER_WEEK);
+    let tow = record.value(27).filter(|t| t.abs() <= 2.0 * SECONDS_PER_WEEK);
     let Some(tow_s) = tow else { return toe };
     let behind = own_behind_gps_s(record);
     let same_week = GpsTime::from_week_tow((toe - behind).week(), tow_s) + behind;
@@ -224,7 +265,7 @@ fn group_delays(record: &Record, message: NavigationMessage) -> (f64, f64) {
 /// URA or SISA in metres. Galileo writes −1 for "no accuracy prediction", files leave it out or write zero:
 /// then [`UNKNOWN_ACCURACY_M`], which keeps the satellite but with little weight.
 fn accuracy(record: &Record) -> f64 {
-    record.values.get(23).copied().flatten().filter(|m| *m > 0.0).unwrap_or(UNKNOWN_ACCURACY_M)
+    record.value(23).filter(|m| *m > 0.0).unwrap_or(UNKNOWN_ACCURACY_M)
 }
 
 fn issue_of_data(record: &Record) -> Result<u32, Fault> {

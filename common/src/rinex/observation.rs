@@ -1,7 +1,11 @@
-//! RINEX 3.0x observation files, line by line.
+//! Observation files, line by line.
 
+use super::epoch_2::{self, Listed};
+use super::hatanaka::{Form, Hatanaka};
 use super::header::{HeaderBuilder, ObservationHeader};
+use super::line_assembly::Line;
 use super::observation_record::{Layouts, Seen};
+use super::stream::Stream;
 use super::{RinexError, columns, decompress, integer, lines, real, shorten, trim_end};
 use crate::gnss::{EpochFlag, ObservationEpoch};
 use crate::skips::Skips;
@@ -34,6 +38,10 @@ pub struct ObservationDecoder {
     skips: Skips,
     /// Observations in the epoch before: how much room the next one will need.
     usual_size: usize,
+    /// Compact RINEX is turned into RINEX first; of the lines of one, `restored` holds those of the other.
+    hatanaka: Option<Hatanaka>,
+    restored: Vec<u8>,
+    pub(super) stream: Stream,
 }
 
 /// What the next line is expected to be.
@@ -59,6 +67,8 @@ struct Pending {
     announced: usize,
     remaining: usize,
     seen: Seen,
+    /// RINEX 2: the satellites' list.
+    listed: Option<Listed>,
 }
 
 /// Keeps the epochs in time order.
@@ -89,9 +99,7 @@ impl ObservationFile {
         let bytes = decompress(bytes)?;
         let mut decoder = ObservationDecoder::default();
         let mut epochs = Vec::new();
-        for (number, line) in lines(&bytes) {
-            epochs.extend(decoder.line(number, line)?);
-        }
+        decoder.whole(&bytes, |epoch| epochs.push(epoch))?;
         decoder.finish()?;
         Ok(Self { header: decoder.builder.header().clone(), epochs, skips: decoder.skips })
     }
@@ -102,9 +110,48 @@ impl ObservationDecoder {
     /// complete with its last announced satellite; one that is cut short by the next epoch line is given then.
     ///
     /// # Errors
-    /// Only in the header: when it is not that of a RINEX 3.0x observation file, or cannot be used.
+    /// Only in the header: when it is not that of an observation file, or cannot be used.
     pub fn line(&mut self, number: u64, line: &[u8]) -> Result<Option<ObservationEpoch>, RinexError> {
         let line = trim_end(line);
+        if matches!(self.state, State::Header) && self.builder.lines() == 0 && self.compact_header(line)? {
+            return Ok(None);
+        }
+        if self.hatanaka.is_none() || matches!(self.state, State::Header) {
+            return self.plain_line(number, line);
+        }
+        self.compact_line(number, line)
+    }
+
+    /// The two lines that Compact RINEX puts before the header.
+    fn compact_header(&mut self, line: &[u8]) -> Result<bool, RinexError> {
+        let label = columns(line, 60, 80).trim_ascii();
+        if self.hatanaka.is_some() && label.starts_with(b"CRINEX PROG") {
+            return Ok(true);
+        }
+        if !label.starts_with(b"CRINEX VERS") {
+            return Ok(false);
+        }
+        let form = Form::of(line).ok_or_else(|| RinexError::CompactVersion { found: shorten(line) })?;
+        self.hatanaka = Some(Hatanaka::new(form));
+        Ok(true)
+    }
+
+    fn compact_line(&mut self, number: u64, line: &[u8]) -> Result<Option<ObservationEpoch>, RinexError> {
+        let mut restored = std::mem::take(&mut self.restored);
+        restored.clear();
+        if let Some(hatanaka) = &mut self.hatanaka {
+            let builder = &self.builder;
+            hatanaka.line((number, line), |id| builder.types_of(id), &mut restored, &mut self.skips);
+        }
+        let mut complete = None;
+        for (_, line) in lines(&restored) {
+            complete = complete.or(self.plain_line(number, line)?);
+        }
+        self.restored = restored;
+        Ok(complete)
+    }
+
+    fn plain_line(&mut self, number: u64, line: &[u8]) -> Result<Option<ObservationEpoch>, RinexError> {
         if matches!(self.state, State::Header) {
             if self.builder.line(number, line)? {
                 self.builder.complete()?;
@@ -113,7 +160,7 @@ impl ObservationDecoder {
             }
             return Ok(None);
         }
-        if line.first() == Some(&b'>') {
+        if self.is_epoch_line(line) {
             let short = self.cut_short();
             self.state = self.begin(number, line);
             return Ok(short);
@@ -151,6 +198,11 @@ impl ObservationDecoder {
         &self.skips
     }
 
+    /// A line's text; one that was too long is counted.
+    pub(super) fn kept<'a>(&mut self, line: Line<'a>) -> &'a [u8] {
+        line.kept(&mut self.skips)
+    }
+
     /// The unfinished epoch that an epoch line ends.
     fn cut_short(&mut self) -> Option<ObservationEpoch> {
         let State::Epoch(pending) = std::mem::take(&mut self.state) else { return None };
@@ -158,11 +210,28 @@ impl ObservationDecoder {
         Some(pending.epoch)
     }
 
+    fn is_epoch_line(&self, line: &[u8]) -> bool {
+        if !self.builder.is_2() {
+            return line.first() == Some(&b'>');
+        }
+        // The lines of an event of RINEX 2 are text of any shape; their count is all there is to go by.
+        !matches!(self.state, State::Skip { header_lines: true, .. }) && epoch_2::is_epoch_line(line)
+    }
+
     fn record(&mut self, number: u64, line: &[u8]) -> Option<ObservationEpoch> {
         match &mut self.state {
             State::Epoch(pending) => {
-                let observations = &mut pending.epoch.observations;
-                self.layouts.decode((number, line), &mut pending.seen, observations, &mut self.skips);
+                let into = (&mut pending.seen, &mut pending.epoch.observations);
+                match &mut pending.listed {
+                    None => self.layouts.decode((number, line), into, &mut self.skips),
+                    Some(listed) => {
+                        if !listed.line(line, self.builder.default_letter()) {
+                            return None;
+                        }
+                        let (id, values) = listed.satellite();
+                        self.layouts.decode_values(number, id, values, into, &mut self.skips);
+                    }
+                }
                 pending.remaining -= 1;
                 if pending.remaining > 0 {
                     return None;
@@ -200,8 +269,9 @@ impl ObservationDecoder {
     }
 
     fn begin(&mut self, number: u64, line: &[u8]) -> State {
-        let flag = columns(line, 31, 32);
-        let count = integer(columns(line, 32, 35)).and_then(|n| usize::try_from(n).ok());
+        let at = if self.builder.is_2() { 28 } else { 31 };
+        let flag = columns(line, at, at + 1);
+        let count = integer(columns(line, at + 1, at + 4)).and_then(|n| usize::try_from(n).ok());
         let (Some(flag @ b'0'..=b'6'), Some(count)) = (flag.first(), count) else {
             self.skips.add("epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
             return State::Lost;
@@ -211,19 +281,21 @@ impl ObservationDecoder {
             b'1' => self.epoch(number, line, count, EpochFlag::PowerFailure),
             b'6' => {
                 self.skips.add("cycle slip records", || format!("line {number}: {count} satellites"));
-                skip(count, false)
+                skip(self.lines_of_epoch(count), false)
             }
             event => {
                 self.skips.add("event records", || {
                     format!("line {number}: event {} with {count} lines", *event as char)
                 });
-                skip(count, *event == b'4')
+                // RINEX 2 lists header lines after other events, too.
+                skip(count, *event == b'4' || self.builder.is_2())
             }
         }
     }
 
     fn epoch(&mut self, number: u64, line: &[u8], announced: usize, flag: EpochFlag) -> State {
-        let Some(time_gps) = epoch_time(line).map(|t| t + self.builder.header().to_gps_time_s) else {
+        let own = if self.builder.is_2() { epoch_2::epoch_time(line) } else { epoch_time(line) };
+        let Some(time_gps) = own.map(|t| self.builder.to_gps(t)) else {
             self.skips.add("epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
             return State::Lost;
         };
@@ -234,11 +306,25 @@ impl ObservationDecoder {
         let first = self.builder.header().first_observation;
         if let Err((reason, before)) = self.order.check(time_gps, first) {
             self.skips.add(reason, || format!("line {number}: {time_gps} after {before}"));
-            return skip(announced, false);
+            return skip(self.lines_of_epoch(announced), false);
         }
         let observations = Vec::with_capacity(self.usual_size.max(16));
         let epoch = ObservationEpoch { time_gps, flag, observations };
-        State::Epoch(Pending { epoch, line: number, announced, remaining: announced, seen: Seen::default() })
+        let listed = self
+            .builder
+            .is_2()
+            .then(|| Listed::new(line, announced, self.builder.types_2(), self.builder.default_letter()));
+        let seen = Seen::default();
+        State::Epoch(Pending { epoch, line: number, announced, remaining: announced, seen, listed })
+    }
+
+    /// Lines after the epoch line of that many satellites.
+    fn lines_of_epoch(&self, satellites: usize) -> usize {
+        if self.builder.is_2() {
+            epoch_2::lines_of_epoch(satellites, self.builder.types_2())
+        } else {
+            satellites
+        }
     }
 }
 
@@ -277,7 +363,8 @@ const fn skip(remaining: usize, header_lines: bool) -> State {
     if remaining == 0 { State::Between } else { State::Skip { remaining, header_lines } }
 }
 
-fn epoch_time(line: &[u8]) -> Option<GpsTime> {
+/// The time of an epoch line of RINEX 3 and 4, in the file's time system.
+pub(super) fn epoch_time(line: &[u8]) -> Option<GpsTime> {
     let small = |from: usize, to: usize| integer(columns(line, from, to)).and_then(|v| u32::try_from(v).ok());
     GpsTime::from_calendar(Calendar {
         year: i32::try_from(integer(columns(line, 2, 6))?).ok()?,

@@ -82,16 +82,27 @@ impl Layouts {
     pub(super) fn decode(
         &self,
         (number, line): (u64, &[u8]),
-        seen: &mut Seen,
-        observations: &mut Vec<Observation>,
+        into: (&mut Seen, &mut Vec<Observation>),
         skips: &mut Skips,
     ) {
         let Some((id, values)) = line.split_first_chunk::<3>() else {
             skips.add("satellite line too short", || format!("line {number}: '{}'", shorten(line)));
             return;
         };
-        let Some(satellite) = SatelliteId::from_bytes(*id) else {
-            skips.add("unknown satellite", || format!("line {number}: '{}'", shorten(id)));
+        self.decode_values(number, *id, values, into, skips);
+    }
+
+    /// Decodes the values of a satellite that is named elsewhere.
+    pub(super) fn decode_values(
+        &self,
+        number: u64,
+        id: [u8; 3],
+        values: &[u8],
+        (seen, observations): (&mut Seen, &mut Vec<Observation>),
+        skips: &mut Skips,
+    ) {
+        let Some(satellite) = SatelliteId::from_bytes(id) else {
+            skips.add("unknown satellite", || format!("line {number}: '{}'", shorten(&id)));
             return;
         };
         let layout = self.by_system.get(satellite.constellation as usize);

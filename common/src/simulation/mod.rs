@@ -115,6 +115,7 @@ impl Simulation {
     pub fn navigation(&self) -> NavigationFile {
         NavigationFile {
             ephemerides: self.ephemerides.clone(),
+            glonass: Vec::new(),
             ionosphere: IonosphereTerms { gps: Some(KLOBUCHAR), ..IonosphereTerms::default() },
             leap_seconds: Some(18),
             skips: Skips::default(),

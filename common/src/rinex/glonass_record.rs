@@ -1,0 +1,108 @@
+//! One GLONASS record of a navigation file.
+
+use super::leap_seconds_at;
+use super::navigation_record::{Fault, Record};
+use crate::frames::{Ecef, EcefVector};
+use crate::orbit::GlonassEphemeris;
+use crate::skips::Skips;
+use crate::time::GpsTime;
+
+/// Distance from the Earth's centre, m: all satellites are near 25 510 km.
+const RADIUS_BOUNDS_M: (f64, f64) = (2.4e7, 2.7e7);
+/// Speed in the rotating frame, m/s.
+const SPEED_BOUNDS_MPS: (f64, f64) = (1e3, 6e3);
+/// Reference times are multiples of this, s of the UTC day.
+const REFERENCE_GRID_S: f64 = 900.0;
+/// A reference time farther than this from the grid is damaged, s; some writers add or forget the leap seconds.
+const OFF_GRID_S: f64 = 60.0;
+/// Larger L1-L2 delays (s) cannot be broadcast; RINEX 3.05 writes .999999999999e+09 for "missing".
+const MAX_L2_DELAY_S: f64 = 1e-6;
+/// Accuracy where the file does not tell, m.
+const USUAL_ACCURACY_M: f64 = 5.0;
+/// Standard deviation by the accuracy factor F_T, m (ICD table 4.4).
+const ACCURACY_M: [f64; 15] =
+    [1.0, 2.0, 2.5, 4.0, 5.0, 7.0, 10.0, 12.0, 14.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0];
+
+/// Position and velocity or acceleration components are at these places, x first.
+const POSITION: [usize; 3] = [3, 7, 11];
+
+/// The ephemeris of a record. `leap_seconds` are those of the header; without, the table's serve.
+pub(super) fn glonass_ephemeris(
+    record: &Record,
+    leap_seconds: Option<i64>,
+    skips: &mut Skips,
+) -> Result<GlonassEphemeris, Fault> {
+    let toe = reference(record, leap_seconds)?;
+    let vector = |offset: usize, name, limit: f64| -> Result<nalgebra::Vector3<f64>, Fault> {
+        let [x, y, z] = POSITION.map(|at| record.within(at + offset, name, limit / 1e3).map(|km| km * 1e3));
+        Ok(nalgebra::Vector3::new(x?, y?, z?))
+    };
+    let position = vector(0, "position", 3e7)?;
+    let velocity = vector(1, "velocity", 1e4)?;
+    check("distance from the Earth's centre (m)", position.norm(), RADIUS_BOUNDS_M)?;
+    check("speed (m/s)", velocity.norm(), SPEED_BOUNDS_MPS)?;
+    let health = small(record, 6);
+    if health.is_none() {
+        skips.add("GLONASS health unknown, record kept", || {
+            format!("line {}: {} {toe}", record.line, record.satellite)
+        });
+    }
+    Ok(GlonassEphemeris {
+        satellite: record.satellite,
+        toe,
+        position: Ecef(position),
+        velocity: EcefVector(velocity),
+        acceleration: EcefVector(vector(2, "acceleration", 1e-4)?),
+        tau_s: -record.within(0, "clock bias", 0.01)?,
+        gamma: record.within(1, "frequency bias", 1e-8)?,
+        l2_delay_s: record.value(16).filter(|delay| delay.abs() <= MAX_L2_DELAY_S),
+        frequency_channel: channel(record)?,
+        health,
+        health_flags: small(record, 18),
+        age_days: record.value(14).unwrap_or(0.0),
+        accuracy_m: accuracy(record),
+    })
+}
+
+/// The reference time: a multiple of a quarter of an hour in UTC, in GPS time.
+fn reference(record: &Record, leap_seconds: Option<i64>) -> Result<GpsTime, Fault> {
+    let written = record.own_epoch()?;
+    let of_day = written.tow_s().rem_euclid(86_400.0);
+    let off = of_day - (of_day / REFERENCE_GRID_S).round() * REFERENCE_GRID_S;
+    check("seconds off the quarter of an hour", off, (-OFF_GRID_S, OFF_GRID_S))?;
+    let utc = written - off;
+    Ok(utc + leap_seconds.unwrap_or_else(|| leap_seconds_at(utc)) as f64)
+}
+
+/// The frequency channel. Some receivers' writers give it as a byte without sign.
+fn channel(record: &Record) -> Result<i8, Fault> {
+    let written = record.within(10, "frequency channel", 255.0)?;
+    let channel = if written > 128.0 { written - 256.0 } else { written };
+    check("frequency channel", channel, (-7.0, 13.0))?;
+    #[allow(clippy::cast_possible_truncation)] // within −7 to 13
+    Ok(channel.round() as i8)
+}
+
+fn accuracy(record: &Record) -> f64 {
+    small(record, 17)
+        .and_then(|factor| ACCURACY_M.get(usize::from(factor)))
+        .copied()
+        .unwrap_or(USUAL_ACCURACY_M)
+}
+
+/// A whole number from 0 to 255; `None` where it is missing or another.
+fn small(record: &Record, index: usize) -> Option<u8> {
+    let value = record.value(index).filter(|v| (0.0..=255.0).contains(v) && v.fract() == 0.0)?;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within 0 to 255
+    Some(value as u8)
+}
+
+fn check(name: &str, value: f64, (low, high): (f64, f64)) -> Result<(), Fault> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(Fault {
+        reason: "record with impossible values",
+        detail: format!("{name} = {value:e}, limits {low:e} to {high:e}"),
+    })
+}

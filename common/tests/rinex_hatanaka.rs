@@ -1,0 +1,387 @@
+//! Compact RINEX: an encoder of our own, whose output must come back as what went in, and examples written by hand.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)] // helpers of tests
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use cofix_common::decode::{Decoder, Record};
+use cofix_common::rinex::{ObservationDecoder, ObservationFile, decompress};
+use proptest::prelude::*;
+
+const ORDER: usize = 3;
+
+/// Values of one satellite and type: the differences of the epoch before, lowest order first.
+#[derive(Clone, Default)]
+struct Arc(Vec<i64>);
+
+impl Arc {
+    fn encode(&mut self, field: &str) -> String {
+        let Some(value) = thousandths(field) else {
+            self.0.clear();
+            return String::new();
+        };
+        if self.0.is_empty() {
+            self.0 = vec![value];
+            return format!("{ORDER}&{value}");
+        }
+        let mut now = vec![value];
+        for before in &self.0 {
+            now.push(now.last().unwrap() - before);
+        }
+        now.truncate(ORDER + 1);
+        let text = now.last().unwrap().to_string();
+        self.0 = now;
+        text
+    }
+}
+
+/// An F14.3 field as an integer.
+fn thousandths(field: &str) -> Option<i64> {
+    let field = field.trim();
+    (!field.is_empty()).then(|| field.replace('.', "").parse().unwrap())
+}
+
+/// The difference of texts, blanks at the end left out.
+fn text_difference(old: &str, new: &str) -> String {
+    let length = old.len().max(new.len());
+    let pad = |text: &str| format!("{text:length$}").into_bytes();
+    let one = |(old, new): (&u8, &u8)| match (old, new) {
+        (a, b) if a == b => ' ',
+        (_, b' ') => '&',
+        (_, b) => *b as char,
+    };
+    let (old, new) = (pad(old), pad(new));
+    let text: String = old.iter().zip(&new).map(one).collect();
+    text.trim_end().to_owned()
+}
+
+/// Compresses RINEX 2 or 3; `restart` says before which epochs everything starts anew.
+fn encode(text: &str, restart: impl Fn(usize) -> bool) -> String {
+    let two = text.starts_with("     2");
+    let version = if two { "1.0" } else { "3.0" };
+    let mut out =
+        format!("{:<60}CRINEX VERS   / TYPE\n", format!("{version}                 COMPACT RINEX FORMAT"));
+    writeln!(out, "{:<60}CRINEX PROG / DATE", "test").unwrap();
+    let (header, body) = text.split_once("END OF HEADER").unwrap();
+    let (rest, body) = body.split_once('\n').unwrap();
+    writeln!(out, "{header}END OF HEADER{rest}").unwrap();
+    let mut types = types_of(header);
+    let mut lines = body.lines();
+    let (mut epoch_before, mut before) = (String::new(), BTreeMap::<String, (Vec<Arc>, String)>::new());
+    let (flag_at, list_at) = if two { (28, 32) } else { (31, 41) };
+    let mut epochs = 0;
+    while let Some(line) = lines.next() {
+        let count: usize = line[flag_at + 1..flag_at + 4].trim().parse().unwrap();
+        if line.as_bytes()[flag_at] > b'1' {
+            writeln!(out, "{}{}", if two { "&" } else { ">" }, &line[1..]).unwrap();
+            for line in lines.by_ref().take(count) {
+                if line.contains("TYPES") {
+                    types.extend(types_of(line));
+                }
+                writeln!(out, "{line}").unwrap();
+            }
+            epoch_before.clear();
+            continue;
+        }
+        if restart(epochs) {
+            epoch_before.clear();
+        }
+        epochs += 1;
+        let (ids, rows) = rows(two, line, count, &types, &mut lines);
+        let epoch = format!("{:<list_at$}{}", line[..line.len().min(flag_at + 4)].trim_end(), ids.concat());
+        if epoch_before.is_empty() {
+            before.clear();
+            writeln!(out, "{}{}", if two { '&' } else { '>' }, &epoch[1..]).unwrap();
+        } else {
+            writeln!(out, "{}", text_difference(&epoch_before, &epoch)).unwrap();
+        }
+        epoch_before = epoch;
+        // No receiver clock.
+        out.push('\n');
+        let mut now = BTreeMap::new();
+        for (id, row) in ids.iter().zip(rows) {
+            let (mut arcs, flags_before) = before.remove(id).unwrap_or_default();
+            arcs.resize(row.len() / 16, Arc::default());
+            let (mut fields, mut flags) = (String::new(), String::new());
+            for (arc, field) in arcs.iter_mut().zip(row.as_bytes().chunks(16)) {
+                let field = std::str::from_utf8(field).unwrap();
+                write!(fields, "{} ", arc.encode(&field[..14])).unwrap();
+                flags.push_str(&field[14..]);
+            }
+            let line = fields + &text_difference(&flags_before, &flags);
+            writeln!(out, "{}", line.trim_end()).unwrap();
+            now.insert(id.clone(), (arcs, flags));
+        }
+        before = now;
+    }
+    out
+}
+
+/// Satellites of an epoch, and for each its values in full width.
+fn rows<'a>(
+    two: bool,
+    epoch: &str,
+    count: usize,
+    types: &BTreeMap<char, usize>,
+    lines: &mut impl Iterator<Item = &'a str>,
+) -> (Vec<String>, Vec<String>) {
+    if !two {
+        let lines: Vec<&str> = lines.take(count).collect();
+        let row = |line: &&str| format!("{:1$}", &line[3..], 16 * types[&line.chars().next().unwrap()]);
+        return (lines.iter().map(|l| l[..3].to_owned()).collect(), lines.iter().map(row).collect());
+    }
+    let types = types[&' '];
+    let mut list = format!("{:68}", epoch)[32..68].to_owned();
+    for _ in 1..count.div_ceil(12) {
+        list += &format!("{:68}", lines.next().unwrap())[32..68];
+    }
+    let ids = (0..count).map(|k| list[3 * k..3 * k + 3].to_owned()).collect();
+    let mut row = || {
+        let text: String = lines.take(types.div_ceil(5)).map(|line| format!("{line:80}")).collect();
+        text[..16 * types].to_owned()
+    };
+    (ids, (0..count).map(|_| row()).collect())
+}
+
+/// Number of types by system letter; a blank stands for all systems of RINEX 2.
+fn types_of(header: &str) -> BTreeMap<char, usize> {
+    let mut types = BTreeMap::new();
+    for line in header.lines() {
+        if line.contains("SYS / # / OBS TYPES") && !line.starts_with(' ') {
+            types.insert(line.chars().next().unwrap(), line[3..6].trim().parse().unwrap());
+        }
+        if line.contains("# / TYPES OF OBSERV") && !line[..6].trim().is_empty() {
+            types.insert(' ', line[..6].trim().parse().unwrap());
+        }
+    }
+    types
+}
+
+#[test]
+fn recordings_come_back() {
+    let shared = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared"));
+    for path in [
+        "oracle/inputs/mat_rover.obs.gz",
+        "oracle/inputs/07590920.05o",
+        "oracle/inputs/30400920.05o",
+        "data/whu-wuhan-2020-08-13/WH-3-08/XIM8.rnx",
+        "data/pixel6-2023/pixel6.23o",
+    ] {
+        let Ok(bytes) = std::fs::read(shared.join(path)) else {
+            println!("skipped: {path} is not here");
+            continue;
+        };
+        let bytes = decompress(&bytes).unwrap();
+        let plain = ObservationFile::parse(&bytes).unwrap();
+        let compact = encode(std::str::from_utf8(&bytes).unwrap(), |epoch| epoch % 100 == 0);
+        let restored = ObservationFile::parse(compact.as_bytes()).unwrap();
+        println!("{path}: {} to {} bytes, {} epochs", bytes.len(), compact.len(), plain.epochs.len());
+        assert!(compact.len() < bytes.len() && plain.epochs.len() > 40);
+        assert!(restored.epochs == plain.epochs && restored.header == plain.header, "{}", restored.skips);
+        // The same is skipped, if on other lines.
+        let counts = |file: &ObservationFile| -> Vec<(String, u64)> {
+            file.skips.iter().map(|(reason, skip)| (reason.to_owned(), skip.count)).collect()
+        };
+        assert_eq!(counts(&restored), counts(&plain));
+    }
+}
+
+fn header(content: &str, label: &str) -> String {
+    format!("{content:<60}{label}\n")
+}
+
+/// A difference of text with changes at some columns.
+fn changes(at: &[(usize, &str)]) -> String {
+    at.iter().fold(String::new(), |text, (column, new)| format!("{text:column$}{new}"))
+}
+
+/// Worked out by hand from the description: first values, differences up to the second order, a lost and a found
+/// satellite, blanks, indicators.
+#[test]
+fn an_example_by_hand() {
+    let text = header("3.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE")
+        + &header("by hand", "CRINEX PROG / DATE")
+        + &header("     3.04           OBSERVATION DATA    M", "RINEX VERSION / TYPE")
+        + &header("G    3 C1C D1C S1C", "SYS / # / OBS TYPES")
+        + &header("E    3 C1X D1X S1X", "SYS / # / OBS TYPES")
+        + &header("", "END OF HEADER");
+    let body = [
+        "> 2010 10 24 22 14 30.0000000  0  2      G05E11\n\n".to_owned(),
+        "3&21111612436 3&-1500 3&45000\n3&24000000000  3&40000\n".to_owned(),
+        // One second later.
+        changes(&[(20, "1")]) + "\n\n-1000000 500 0\n10  1000\n",
+        // E11 and G05 go, G07 comes.
+        changes(&[(20, "2"), (34, "1"), (43, "7"), (44, "&&&")]) + "\n\n3&21000000000  3&30000\n",
+        // They are back and begin anew.
+        changes(&[(20, "3"), (34, "2"), (43, "5E11")]) + "\n\n",
+        "3&21110612436 3&-1000 3&45000\n3&23999999000 3&70 3&41000\n".to_owned(),
+        changes(&[(20, "4")]) + "\n\n5 50 10\n-1000 -1 -500\n",
+        changes(&[(20, "5")]) + "\n\n1 -10 20\n1 2 -3\n",
+    ]
+    .concat();
+    let file = ObservationFile::parse((text + &body).as_bytes()).unwrap();
+    let seen: Vec<Vec<String>> = file
+        .epochs
+        .iter()
+        .map(|epoch| {
+            let values = |o: &cofix_common::gnss::Observation| {
+                format!("{} {:?} {:?} {:?}", o.satellite, o.pseudorange_m, o.doppler_hz, o.cn0_dbhz)
+            };
+            epoch.observations.iter().map(values).collect()
+        })
+        .collect();
+    println!("{seen:#?}\n{}", file.skips);
+    assert_eq!(
+        seen[0],
+        ["G05 Some(21111612.436) Some(-1.5) Some(45.0)", "E11 Some(24000000.0) None Some(40.0)"]
+    );
+    assert_eq!(
+        seen[1],
+        ["G05 Some(21110612.436) Some(-1.0) Some(45.0)", "E11 Some(24000000.01) None Some(41.0)"]
+    );
+    assert_eq!(seen[2], ["G07 Some(21000000.0) None Some(30.0)"]);
+    assert_eq!(
+        seen[3],
+        ["G05 Some(21110612.436) Some(-1.0) Some(45.0)", "E11 Some(23999999.0) Some(0.07) Some(41.0)"]
+    );
+    assert_eq!(
+        seen[4],
+        ["G05 Some(21110612.441) Some(-0.95) Some(45.01)", "E11 Some(23999998.0) Some(0.069) Some(40.5)"]
+    );
+    // Second differences: 5 + 1, 50 − 10, 10 + 20; −1000 + 1, −1 + 2, −500 − 3.
+    assert_eq!(
+        seen[5],
+        ["G05 Some(21110612.447) Some(-0.91) Some(45.04)", "E11 Some(23999997.001) Some(0.07) Some(39.997)"]
+    );
+    assert!(file.skips.is_empty(), "{}", file.skips);
+}
+
+/// The same of version 1: `&` starts anew, indicators, more than one line per satellite.
+#[test]
+fn an_example_of_version_1_by_hand() {
+    let text = header("1.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE")
+        + &header("by hand", "CRINEX PROG / DATE")
+        + &header("     2.11           OBSERVATION DATA    G (GPS)", "RINEX VERSION / TYPE")
+        + &header("     6    L1    C1    L2    P2    D1    S1", "# / TYPES OF OBSERV")
+        + &header("", "END OF HEADER")
+        + "&05  4  2  0  0  0.0000000  0  1G 3
+
+3&55923622160 3&24767686375   3&-1500 3&45000 1
+                3
+
+148426281 28244296   0 -1000 & 15
+";
+    let file = ObservationFile::parse(text.as_bytes()).unwrap();
+    assert!(file.skips.is_empty(), "{}", file.skips);
+    let at = |epoch: usize| {
+        let o = file.epochs[epoch].observations.iter().find(|o| o.signal.to_string() == "1C").unwrap();
+        (o.carrier_phase_cycles, o.pseudorange_m, o.doppler_hz, o.cn0_dbhz, o.loss_of_lock.cycle_slip)
+    };
+    let first = (Some(55_923_622.160), Some(24_767_686.375), Some(-1.5), Some(45.0), true);
+    let second = (Some(56_072_048.441), Some(24_795_930.671), Some(-1.5), Some(44.0), false);
+    assert_eq!((at(0), at(1)), (first, second));
+    assert_eq!(file.epochs[1].time_gps, "2005-04-02T00:00:30".parse().unwrap());
+}
+
+/// One satellite of one epoch: values and indicators by type.
+type Row = Vec<Option<(i64, u8)>>;
+
+fn rinex_3(epochs: &[BTreeMap<u8, Row>]) -> String {
+    let mut text = header("     3.04           OBSERVATION DATA    G", "RINEX VERSION / TYPE")
+        + &header("G    3 L1C D1C L5X", "SYS / # / OBS TYPES")
+        + &header("", "END OF HEADER");
+    for (second, epoch) in epochs.iter().enumerate() {
+        if second == 5 {
+            text +=
+                &format!(">                              4  1\n{}", header("SOMETHING HAPPENED", "COMMENT"));
+        }
+        writeln!(text, "> 2020 08 13 14 {:02} {:2}.0000000  0{:3}", second / 60, second % 60, epoch.len())
+            .unwrap();
+        for (number, row) in epoch {
+            let field = |value: &Option<(i64, u8)>| match value {
+                Some((v, flag)) => {
+                    format!(
+                        "{:>14}{} ",
+                        format!("{:.3}", *v as f64 / 1e3),
+                        ["", "1", "2"][usize::from(*flag)]
+                    )
+                }
+                None => " ".repeat(16),
+            };
+            let values: String = row.iter().map(|v| format!("{:<16}", field(v))).collect();
+            writeln!(text, "G{number:02}{}", values.trim_end()).unwrap();
+        }
+    }
+    text
+}
+
+fn epochs() -> impl Strategy<Value = Vec<BTreeMap<u8, Row>>> {
+    let value = prop_oneof![
+        1 => Just(None),
+        6 => (-40_000_000_i64..40_000_000, 0..3_u8).prop_map(Some),
+        1 => (-999_999_999_999_i64..9_999_999_999_999, 0..3_u8).prop_map(Some),
+    ];
+    let row = proptest::collection::vec(value, 3);
+    let epoch = proptest::collection::btree_map(1..6_u8, row, 1..5);
+    proptest::collection::vec(epoch, 1..12)
+}
+
+fn streamed(text: &str, size: usize) -> Vec<Record> {
+    let (mut decoder, mut records) = (ObservationDecoder::default(), Vec::new());
+    for portion in text.as_bytes().chunks(size) {
+        decoder.feed(portion).unwrap();
+        records.extend(std::iter::from_fn(|| decoder.next_record()));
+    }
+    Decoder::finish(&mut decoder).unwrap();
+    records.extend(std::iter::from_fn(|| decoder.next_record()));
+    records
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(500) })]
+
+    #[test]
+    fn what_was_encoded_comes_back(epochs in epochs(), every in 1..6_usize, size in 1..200_usize) {
+        let text = rinex_3(&epochs);
+        let plain = ObservationFile::parse(text.as_bytes()).unwrap();
+        let compact = encode(&text, |epoch| epoch % every == 0);
+        let restored = ObservationFile::parse(compact.as_bytes()).unwrap();
+        prop_assert_eq!(&plain.epochs, &restored.epochs);
+        prop_assert_eq!(plain.epochs.len(), epochs.len());
+        let records: Vec<Record> = plain.epochs.into_iter().map(Record::Epoch).collect();
+        prop_assert_eq!(streamed(&compact, size), records);
+    }
+
+    #[test]
+    fn damage_never_panics(epochs in epochs(), at: usize, byte: u8, gap in 0..60_usize) {
+        let mut text = encode(&rinex_3(&epochs), |epoch| epoch % 4 == 0).into_bytes();
+        let at = at % text.len();
+        text[at] = byte;
+        text.drain(at..(at + gap).min(text.len()));
+        let _ = ObservationFile::parse(&text);
+    }
+}
+
+/// After damage nothing is believed until the next epoch that starts anew.
+#[test]
+fn the_next_full_epoch_ends_the_damage() {
+    let row = |second: i64| vec![Some((1_000_000 + second * 1_000, 0)), Some((500, 0)), None];
+    let epochs: Vec<BTreeMap<u8, Row>> =
+        (0..10).map(|s| BTreeMap::from([(7, row(s)), (8, row(s))])).collect();
+    let text = rinex_3(&epochs).replace(
+        &format!(">                              4  1\n{}", header("SOMETHING HAPPENED", "COMMENT")),
+        "",
+    );
+    let plain = ObservationFile::parse(text.as_bytes()).unwrap();
+    let compact = encode(&text, |epoch| epoch % 5 == 0);
+    // The second epoch's line is lost its time by a stray byte.
+    let damaged = compact.replacen("                    1\n", "                 x  1\n", 1);
+    assert_ne!(damaged, compact);
+    let file = ObservationFile::parse(damaged.as_bytes()).unwrap();
+    println!("{}", file.skips);
+    assert_eq!(file.epochs[0], plain.epochs[0]);
+    assert_eq!(file.epochs[1..], plain.epochs[5..]);
+    assert!(!file.skips.is_empty());
+}
