@@ -5,34 +5,58 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use clap::Parser;
+use clap::{Args, Parser, Subcommand};
+use cofix_agent::input::LiveSource;
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
+use cofix_common::time::GpsTime;
 
 /// Runs beside one phone: reads its observations and publishes corrected measurements, local state and integrity verdict
 /// over Zenoh, one message per epoch.
 #[derive(Debug, Parser)]
-#[command(version)]
+#[command(version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    publish: Option<Publish>,
+}
+
+/// What else the agent can do with recordings.
+#[derive(Debug, Subcommand)]
+#[allow(clippy::empty_enums)]
+enum Command {}
+
+/// Publishing.
+#[derive(Debug, Args)]
+struct Publish {
     /// Group that the phone belongs to
     #[arg(long)]
     group: String,
     /// Name of the phone within the group
     #[arg(long)]
     phone: String,
-    /// RINEX 3 observation file (.gz too)
-    #[arg(long, value_name = "FILE")]
-    observations: PathBuf,
+    /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz too), or a live source: '-' for
+    /// standard input, tcp://HOST:PORT for a server that sends bytes
+    #[arg(long, value_name = "SOURCE", required_unless_present = "follow")]
+    observations: Option<String>,
+    /// File that is being written, read as it grows
+    #[arg(long, value_name = "FILE", conflicts_with = "observations")]
+    follow: Option<PathBuf>,
+    /// An instant within three days of the recording, for RTCM 3, which lacks the week; else the orbits tell, or the
+    /// file's last change [GPS time, YYYY-MM-DDThh:mm:ss]
+    #[arg(long, value_name = "TIME", conflicts_with = "follow")]
+    date: Option<GpsTime>,
     /// Precise orbits and clocks, SP3 (.gz too); may be repeated
     #[arg(long, value_name = "FILE")]
     sp3: Vec<PathBuf>,
-    /// RINEX 3 navigation file (.gz too): orbits, group delays, Klobuchar; may be repeated
+    /// RINEX navigation file (.gz too): orbits, group delays, Klobuchar; may be repeated
     #[arg(long, value_name = "FILE")]
     navigation: Vec<PathBuf>,
     /// Zenoh endpoint of the hub; may be repeated
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     connect: Vec<String>,
-    /// 'max', or times the recorded speed (1 = as recorded)
+    /// 'max', or times the recorded speed (1 = as recorded); of no effect on live sources
     #[arg(long, default_value = "1")]
     speed: Speed,
     /// Seconds to wait for the hub before giving up
@@ -49,7 +73,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .init();
-    match start(arguments.into()) {
+    match work(arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             tracing::error!("{error:#}");
@@ -58,19 +82,40 @@ fn main() -> ExitCode {
     }
 }
 
-impl From<Arguments> for AgentConfig {
-    fn from(arguments: Arguments) -> Self {
-        Self {
-            group: arguments.group,
-            phone: arguments.phone,
-            source: Source::File(arguments.observations),
-            products: ProductSource::Files { sp3: arguments.sp3, navigation: arguments.navigation },
-            connect: arguments.connect,
-            speed: arguments.speed,
+fn work(arguments: Arguments) -> anyhow::Result<()> {
+    match (arguments.command, arguments.publish) {
+        (None, Some(publish)) => start(publish.config()?),
+        (None, None) => anyhow::bail!("nothing to do; see --help"),
+    }
+}
+
+impl Publish {
+    fn config(self) -> anyhow::Result<AgentConfig> {
+        Ok(AgentConfig {
+            source: self.source()?,
+            group: self.group,
+            phone: self.phone,
+            products: ProductSource::Files { sp3: self.sp3, navigation: self.navigation },
+            connect: self.connect,
+            speed: self.speed,
             pipeline: PipelineOptions::default(),
-            patience: Duration::from_secs(arguments.patience),
-            kept_messages: Self::KEPT_MESSAGES,
+            patience: Duration::from_secs(self.patience),
+            kept_messages: AgentConfig::KEPT_MESSAGES,
+        })
+    }
+
+    fn source(&self) -> anyhow::Result<Source> {
+        let name = match (&self.follow, &self.observations) {
+            (Some(path), _) => return Ok(Source::Live(LiveSource::Follow(path.clone()))),
+            (None, name) => name.as_deref().unwrap_or_default(),
+        };
+        if name == "-" || name.starts_with("tcp://") {
+            return Ok(Source::Live(name.parse()?));
         }
+        Ok(match self.date {
+            Some(near) => Source::DatedFile { path: name.into(), near },
+            None => Source::File(name.into()),
+        })
     }
 }
 

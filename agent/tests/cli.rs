@@ -54,6 +54,7 @@ fn folder() -> tempfile::TempDir {
     let header: String = OBSERVATIONS.split_inclusive('\n').take(3).collect();
     std::fs::write(folder.path().join("header.rnx"), header).unwrap();
     std::fs::write(folder.path().join("noise.bin"), [0x1f, 0x8b, 8, 0, 1, 2, 3]).unwrap();
+    std::fs::write(folder.path().join("noise.txt"), "lorem ipsum").unwrap();
     folder
 }
 
@@ -61,11 +62,12 @@ fn folder() -> tempfile::TempDir {
 fn unusable_observations_are_named() {
     let folder = folder();
     for (file, said) in [
-        ("missing.rnx", "cannot read the RINEX observation file"),
-        ("nav.rnx", "not usable as RINEX observation file"),
+        ("missing.rnx", "cannot read the observation file"),
+        ("nav.rnx", "not usable as observation file"),
         ("cut.rnx", "before END OF HEADER"),
         ("header.rnx", "holds no epoch"),
-        ("noise.bin", "not usable as RINEX observation file"),
+        ("noise.bin", "gzip data is damaged"),
+        ("noise.txt", "it begins with 'lorem ipsum'; read are RINEX 2, 3 and 4"),
     ] {
         let text = failure(folder.path(), file, &["--navigation", "nav.rnx"]);
         assert!(text.contains(said) && text.contains(file), "expected '{said}' in: {text}");
