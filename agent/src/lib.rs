@@ -13,6 +13,7 @@
 mod config;
 pub mod format;
 pub mod input;
+pub mod inspect;
 pub mod link;
 mod pace;
 pub mod pipeline;

@@ -115,6 +115,11 @@ impl<'a> Opened<'a> {
     }
 }
 
+/// What went wrong with a recorded file.
+pub(crate) fn file_error(path: &Path, error: RecordsError) -> SourceError {
+    source_error(&path.display().to_string(), Some(path), error)
+}
+
 fn source_error(name: &str, path: Option<&Path>, error: RecordsError) -> SourceError {
     match (error, path) {
         (RecordsError::Read(cause), Some(path)) => {

@@ -22,6 +22,7 @@ mod observation_record;
 mod stream;
 mod types_2;
 mod version;
+mod writer;
 
 pub(crate) use decimal::{integer, real};
 pub use decompress::{DecompressError, MAX_DECOMPRESSED_BYTES, decompress};
@@ -32,6 +33,7 @@ pub use navigation::NavigationFile;
 pub use navigation_decoder::NavigationDecoder;
 pub use navigation_header::IonosphereTerms;
 pub use observation::{ObservationDecoder, ObservationFile};
+pub use writer::{ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record};
 
 /// Why a file cannot be read at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -1,0 +1,167 @@
+//! Jumps of the receiver's clock: jumps of the pseudoranges that all satellites share.
+
+use std::collections::BTreeMap;
+
+use cofix_common::gnss::{ObservationEpoch, SatelliteId, SignalCode};
+use cofix_common::time::GpsTime;
+use serde::Serialize;
+
+use super::LISTED;
+
+/// Jumps below this are not told from noise and drift, m (0.3 µs).
+const SMALLEST_M: f64 = 100.0;
+/// Epochs further apart than this are not compared, s: the Doppler of two epochs does not predict what lies between.
+const LONGEST_S: f64 = 5.0;
+/// Satellites that must agree.
+const ENOUGH: usize = 4;
+/// Most of them must agree with the median within this share of it, and within [`SMALLEST_M`].
+const AGREE: f64 = 0.1;
+
+/// A jump.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ClockJump {
+    /// The first epoch after it, GPS time.
+    pub at_gps: String,
+    /// Its size, m; positive when pseudoranges grew.
+    pub jump_m: f64,
+    /// Signals compared.
+    pub signals: usize,
+}
+
+/// Jumps in a recording.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ClockJumps {
+    /// How many.
+    pub count: u64,
+    /// The largest, m.
+    pub largest_m: f64,
+    /// The first ones.
+    pub first: Vec<ClockJump>,
+}
+
+/// A pseudorange and its rate.
+#[derive(Clone, Copy, Debug)]
+struct Range {
+    pseudorange_m: f64,
+    rate_mps: f64,
+}
+
+/// Compares each epoch with the one before.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Clock {
+    before: Option<(GpsTime, BTreeMap<(SatelliteId, SignalCode), Range>)>,
+    jumps: ClockJumps,
+}
+
+impl Clock {
+    pub(super) fn epoch(&mut self, epoch: &ObservationEpoch) {
+        let now = ranges(epoch);
+        if let Some((time, before)) = &self.before {
+            let elapsed_s = epoch.time_gps - *time;
+            let mut changes: Vec<f64> = if elapsed_s > LONGEST_S {
+                Vec::new()
+            } else {
+                now.iter()
+                    .filter_map(|(signal, range)| Some(unexplained_m(before.get(signal)?, range, elapsed_s)))
+                    .collect()
+            };
+            if let Some(jump_m) = common_m(&mut changes) {
+                self.add(epoch.time_gps, jump_m, changes.len());
+            }
+        }
+        self.before = Some((epoch.time_gps, now));
+    }
+
+    fn add(&mut self, at: GpsTime, jump_m: f64, signals: usize) {
+        self.jumps.count += 1;
+        if jump_m.abs() > self.jumps.largest_m.abs() {
+            self.jumps.largest_m = jump_m;
+        }
+        if self.jumps.first.len() < LISTED {
+            self.jumps.first.push(ClockJump { at_gps: at.to_string(), jump_m, signals });
+        }
+    }
+
+    pub(super) fn report(self) -> ClockJumps {
+        self.jumps
+    }
+}
+
+/// Ranges with a rate. GLONASS is left out: its wavelengths need channels, and the others are enough.
+fn ranges(epoch: &ObservationEpoch) -> BTreeMap<(SatelliteId, SignalCode), Range> {
+    let range = |o: &cofix_common::gnss::Observation| {
+        let wavelength_m = o.signal.wavelength_m(o.satellite.constellation, None)?;
+        let range = Range { pseudorange_m: o.pseudorange_m?, rate_mps: -wavelength_m * o.doppler_hz? };
+        Some(((o.satellite, o.signal), range))
+    };
+    epoch.observations.iter().filter_map(range).collect()
+}
+
+/// What the rates do not explain of a change of pseudorange, m.
+fn unexplained_m(before: &Range, now: &Range, elapsed_s: f64) -> f64 {
+    now.pseudorange_m - before.pseudorange_m - 0.5 * (before.rate_mps + now.rate_mps) * elapsed_s
+}
+
+/// The jump that most of the changes share.
+fn common_m(changes_m: &mut [f64]) -> Option<f64> {
+    if changes_m.len() < ENOUGH {
+        return None;
+    }
+    changes_m.sort_unstable_by(f64::total_cmp);
+    let median = *changes_m.get(changes_m.len() / 2)?;
+    let tolerance = (AGREE * median.abs()).clamp(0.5 * SMALLEST_M, SMALLEST_M);
+    let agreeing = changes_m.iter().filter(|change| (*change - median).abs() < tolerance).count();
+    (median.abs() >= SMALLEST_M && 4 * agreeing >= 3 * changes_m.len()).then_some(median)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cofix_common::gnss::{Constellation, EpochFlag, LossOfLock, Observation};
+
+    /// Satellites with rates of −500 to 500 m/s on a clock that drifts by 30 m/s.
+    fn epoch(second: u32, clock_m: f64) -> ObservationEpoch {
+        let observations = (1..=6_u8).map(|number| {
+            let rate_mps = 200.0 * f64::from(number) - 700.0 + 30.0;
+            let satellite = SatelliteId::new(Constellation::Gps, number);
+            let signal = SignalCode::new(b'1', b'C');
+            let wavelength = signal.wavelength_m(Constellation::Gps, None).unwrap();
+            Observation {
+                satellite,
+                signal,
+                pseudorange_m: Some(2.2e7 + f64::from(second) * rate_mps + clock_m + f64::from(number)),
+                carrier_phase_cycles: None,
+                doppler_hz: Some(-rate_mps / wavelength),
+                cn0_dbhz: None,
+                loss_of_lock: LossOfLock::default(),
+            }
+        });
+        ObservationEpoch {
+            time_gps: GpsTime::from_week_tow(2118, f64::from(second)),
+            flag: EpochFlag::Ok,
+            observations: observations.collect(),
+        }
+    }
+
+    #[test]
+    fn a_millisecond_is_found_and_drift_is_not_one() {
+        let mut clock = Clock::default();
+        for second in 0..10 {
+            clock.epoch(&epoch(second, if second < 5 { 0.0 } else { -299_792.458 }));
+        }
+        let jumps = clock.report();
+        assert_eq!((jumps.count, jumps.first.len()), (1, 1));
+        assert!((jumps.largest_m + 299_792.458).abs() < 1e-3);
+        assert_eq!(jumps.first[0].at_gps, GpsTime::from_week_tow(2118, 5.0).to_string());
+    }
+
+    #[test]
+    fn a_jump_of_one_satellite_is_no_clock_jump() {
+        let mut clock = Clock::default();
+        clock.epoch(&epoch(0, 0.0));
+        let mut odd = epoch(1, 0.0);
+        odd.observations[0].pseudorange_m = Some(2.3e7);
+        clock.epoch(&odd);
+        assert_eq!(clock.report().count, 0);
+    }
+}
