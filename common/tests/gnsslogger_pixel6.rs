@@ -192,7 +192,7 @@ fn code_phase_doppler_and_cn0_agree_to_their_noise() {
 }
 
 /// No satellite or signal has an offset of its own: no inter-signal or inter-system bias, no wrong leap second, channel or
-/// wavelength hides in the noise. L5 and E5a codes are ten times better than L1, so they show it best.
+/// wavelength hides in the noise. L5 and E5a codes are several times better than L1, so they show it best.
 #[test]
 fn no_signal_has_an_offset_of_its_own() {
     let Some(both) = both() else { return };

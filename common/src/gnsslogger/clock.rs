@@ -27,7 +27,10 @@ impl EpochClock {
     /// The clock by a line, following that of the epoch before. `None` on overflow, that is on absurd numbers.
     pub(super) fn new(fields: ClockFields, before: Option<&Self>, reference: BiasReference) -> Option<Self> {
         let own = Bias { full_ns: fields.full_bias_ns, part_ns: fields.bias_ns };
-        let discontinuous = before.is_some_and(|b| b.fields.discontinuities != fields.discontinuities);
+        // A line without the count says nothing about it.
+        let count_before = before.and_then(|b| b.fields.discontinuities);
+        let fields = ClockFields { discontinuities: fields.discontinuities.or(count_before), ..fields };
+        let discontinuous = count_before.is_some() && count_before != fields.discontinuities;
         let bias = match (reference, before) {
             (BiasReference::FirstEpoch, Some(before)) if !discontinuous => before.bias,
             _ => own,
@@ -68,5 +71,10 @@ mod tests {
             EpochClock::new(fields(1_000, -1_000_300, 5), Some(&first), BiasReference::EachEpoch).unwrap();
         assert_eq!(each.time.whole_ns, 1_001_300);
         assert!(EpochClock::new(fields(i64::MAX, -2, 0), None, BiasReference::EachEpoch).is_none());
+        let silent = ClockFields { discontinuities: None, ..fields(3_000, -1_000_900, 6) };
+        let fourth = next(silent, Some(&third));
+        let fifth = next(fields(4_000, -1_000_900, 6), Some(&fourth));
+        assert!(!fourth.discontinuous && !fifth.discontinuous);
+        assert_eq!(fifth.time.whole_ns, 1_004_700);
     }
 }

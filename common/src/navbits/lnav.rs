@@ -7,7 +7,7 @@ use super::bits::{scaled, signed, unsigned};
 use super::lnav_words::{Data, data};
 use super::{ReceiverCheck, Refused, plausible, refused};
 use crate::atmosphere::KlobucharCoefficients;
-use crate::gnss::SatelliteId;
+use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{KeplerEphemeris, NavigationMessage};
 use crate::time::{GpsTime, SECONDS_PER_WEEK};
 
@@ -17,7 +17,7 @@ const MAX_APART_S: f64 = 7_200.0;
 /// Page of subframe 4 with ionosphere and UTC terms: its satellite number.
 const IONOSPHERE_PAGE: u64 = 56;
 
-/// The terms of the message that concern the whole system.
+/// The terms of GPS satellites' messages that concern the whole system.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LnavSystem {
     /// Klobuchar coefficients.
@@ -74,7 +74,10 @@ impl LnavAssembler {
                 frames.complete(satellite)
             }
             4 => {
-                self.page(&data);
+                // QZSS sends coefficients that are fitted to Japan alone.
+                if satellite.constellation == Constellation::Gps {
+                    self.page(&data);
+                }
                 Ok(None)
             }
             5 => Ok(None),

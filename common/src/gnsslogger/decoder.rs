@@ -1,0 +1,279 @@
+//! Line by line to records.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use super::columns::{FIX_COLUMNS, Layout, RAW_COLUMNS};
+use super::epochs::Epochs;
+use super::fields::Fields;
+use super::fix::{self, Fix};
+use super::lines::{Framed, Lines};
+use super::nav::NavLines;
+use super::options::Options;
+use super::raw;
+use super::recognition::Recognition;
+use super::table::Columns;
+use crate::atmosphere::KlobucharCoefficients;
+use crate::decode::{Decoder, Record, WrongStream};
+use crate::rinex::shorten;
+use crate::skips::Skips;
+use crate::time::GpsTime;
+
+/// Kinds of lines that the app writes and that have no use here.
+const UNUSED_KINDS: [&[u8]; 20] = [
+    b"Status",
+    b"Agc",
+    b"Accel",
+    b"UncalAccel",
+    b"Gyro",
+    b"UncalGyro",
+    b"Mag",
+    b"UncalMag",
+    b"OrientationDeg",
+    b"NMEA",
+    b"Pressure",
+    b"Baro",
+    b"GameRotationVector",
+    b"StepDetector",
+    b"StepCounter",
+    b"Light",
+    b"Proximity",
+    b"Temperature",
+    b"Humidity",
+    b"ScanResult",
+];
+
+/// Decodes a GnssLogger text log. Bytes go in in any portions, records come out in the order of the lines.
+///
+/// An epoch is complete when a line of the next one has come, or with [`Decoder::finish`]. A last line without its line end
+/// is not used: it may be cut.
+///
+/// ```
+/// use cofix_common::decode::{Decoder, Record};
+/// use cofix_common::gnsslogger::GnssLoggerDecoder;
+/// # let portions: [&[u8]; 1] = [b"# Fix,Provider,Latitude,Longitude,Altitude,Speed,Accuracy,(UTC)TimeInMs\n"];
+/// let mut decoder = GnssLoggerDecoder::default();
+/// for portion in portions {
+///     decoder.feed(portion)?;
+///     while let Some(record) = decoder.next_record() {
+///         if let Record::Epoch(epoch) = record {
+///             println!("{}: {} signals", epoch.time_gps, epoch.observations.len());
+///         }
+///     }
+/// }
+/// decoder.finish()?; // the last epoch
+/// println!("{}", decoder.skips());
+/// # Ok::<(), cofix_common::decode::WrongStream>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct GnssLoggerDecoder {
+    options: Options,
+    lines: Lines,
+    line_number: u64,
+    state: Recognition,
+    raw: Columns<RAW_COLUMNS>,
+    fix: Columns<FIX_COLUMNS>,
+    epochs: Epochs,
+    nav: NavLines,
+    fixes: Vec<Fix>,
+    records: VecDeque<Record>,
+    skips: Skips,
+}
+
+impl Default for GnssLoggerDecoder {
+    fn default() -> Self {
+        Self::new(Options::default())
+    }
+}
+
+impl GnssLoggerDecoder {
+    /// A decoder at the beginning of a log.
+    pub fn new(options: Options) -> Self {
+        Self {
+            options,
+            lines: Lines::default(),
+            line_number: 0,
+            state: Recognition::Open { first: None },
+            raw: Columns::new(Layout::raw_standard(), false),
+            fix: Columns::new(Layout::fix_standard(), false),
+            epochs: Epochs::default(),
+            nav: NavLines::default(),
+            fixes: Vec::new(),
+            records: VecDeque::new(),
+            skips: Skips::default(),
+        }
+    }
+
+    /// The phone's own positions so far, in the order of the lines.
+    pub fn fixes(&self) -> &[Fix] {
+        &self.fixes
+    }
+
+    /// Takes the positions out, so that a long recording need not keep them.
+    pub fn take_fixes(&mut self) -> Vec<Fix> {
+        std::mem::take(&mut self.fixes)
+    }
+
+    /// GLONASS frequency channels by slot number, as the carrier frequencies tell them.
+    pub const fn glonass_channels(&self) -> &BTreeMap<u8, i8> {
+        self.epochs.glonass_channels()
+    }
+
+    /// Klobuchar coefficients of the log's own `Nav` lines, the latest.
+    pub const fn klobuchar(&self) -> Option<KlobucharCoefficients> {
+        self.nav.klobuchar()
+    }
+
+    /// Seconds that GPS time is ahead of UTC by the log's own `Nav` lines.
+    pub const fn leap_seconds(&self) -> Option<i64> {
+        self.nav.leap_seconds()
+    }
+
+    /// Time of the epoch that the lines have come to.
+    pub fn time(&self) -> Option<GpsTime> {
+        self.epochs.time()
+    }
+
+    fn take(&mut self, framed: Framed<'_>) {
+        self.line_number += 1;
+        let number = self.line_number;
+        match framed {
+            Framed::Line(line) => self.line(line),
+            Framed::TooLong => {
+                self.state.line(false, self.line_number, b"(a line of more than 64 KiB)");
+                self.skips.add("line too long", || format!("line {number}: more than 65536 bytes"));
+            }
+        }
+    }
+
+    fn line(&mut self, line: &[u8]) {
+        let line = line.trim_ascii();
+        let number = self.line_number;
+        if line.is_empty() {
+            return;
+        }
+        if let Some(comment) = line.strip_prefix(b"#") {
+            return self.comment(comment.trim_ascii());
+        }
+        let kind = line.split(|byte| *byte == b',').next().unwrap_or_default();
+        match kind {
+            b"Raw" => self.raw_line(line),
+            b"Fix" => self.fix_line(line),
+            b"Nav" => self.nav_line(line),
+            b"Status" => {
+                self.state.line(true, self.line_number, line);
+                self.skips.add("Status lines (not used)", || format!("line {number}"));
+            }
+            kind if UNUSED_KINDS.contains(&kind) => {
+                self.state.line(true, self.line_number, line);
+                self.skips
+                    .add("sensor and gain lines (not used)", || format!("line {number}: {}", shorten(kind)));
+            }
+            _ => {
+                self.state.line(false, self.line_number, line);
+                self.skips.add("line of unknown kind", || format!("line {number}: '{}'", shorten(line)));
+            }
+        }
+    }
+
+    /// A comment may be the header of a kind of lines.
+    fn comment(&mut self, comment: &[u8]) {
+        let number = self.line_number;
+        let text = String::from_utf8_lossy(comment);
+        let missing = |skips: &mut Skips, column: &str| {
+            skips.add("header line without a needed column", || format!("line {number}: no column {column}"));
+        };
+        if text.starts_with("Raw,") {
+            match Layout::raw(&text) {
+                Ok(layout) => self.raw = Columns::new(layout, true),
+                Err(column) => missing(&mut self.skips, column),
+            }
+        } else if text.starts_with("Fix,") {
+            match Layout::fix(&text) {
+                Ok(layout) => self.fix = Columns::new(layout, true),
+                Err(column) => missing(&mut self.skips, column),
+            }
+        } else if !text.starts_with("Nav,") {
+            return;
+        }
+        self.state.line(true, self.line_number, comment);
+    }
+
+    fn raw_line(&mut self, line: &[u8]) {
+        self.state.line(true, self.line_number, line);
+        let number = self.line_number;
+        if !self.raw.from_header {
+            self.skips.add("Raw line without a header (columns of 2016 assumed; used)", || {
+                format!("line {number}")
+            });
+        }
+        let fields = match self.raw.split(line) {
+            Ok(fields) => fields,
+            Err(count) => {
+                return self.odd_count("Raw line with another number of fields", count, self.raw.fields);
+            }
+        };
+        let mut read = Fields { kind: "Raw", line: number, skips: &mut self.skips };
+        let Some(raw) = raw::parse(&fields, &mut read) else { return };
+        self.epochs.line((number, &raw), &self.options, &mut self.skips, &mut self.records);
+        if let Some(time) = self.epochs.time() {
+            self.nav.catch_up(time, &mut self.skips, &mut self.records);
+        }
+    }
+
+    fn fix_line(&mut self, line: &[u8]) {
+        self.state.line(true, self.line_number, line);
+        let fields = match self.fix.split(line) {
+            Ok(fields) => fields,
+            Err(count) => {
+                return self.odd_count("Fix line with another number of fields", count, self.fix.fields);
+            }
+        };
+        let mut read = Fields { kind: "Fix", line: self.line_number, skips: &mut self.skips };
+        self.fixes.extend(fix::parse(&fields, &mut read));
+    }
+
+    fn nav_line(&mut self, line: &[u8]) {
+        self.state.line(true, self.line_number, line);
+        let time = self.epochs.time();
+        self.nav.line((self.line_number, line), time, &mut self.skips, &mut self.records);
+    }
+
+    fn odd_count(&mut self, reason: &str, found: usize, expected: usize) {
+        let number = self.line_number;
+        self.skips.add(reason, || format!("line {number}: {found} fields, {expected} expected"));
+    }
+}
+
+impl Decoder for GnssLoggerDecoder {
+    fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
+        let mut lines = std::mem::take(&mut self.lines);
+        let mut rest = bytes;
+        while let Some(framed) = lines.next(&mut rest) {
+            if matches!(self.state, Recognition::Wrong(_)) {
+                break;
+            }
+            self.take(framed);
+        }
+        self.lines = lines;
+        self.state.check()
+    }
+
+    fn finish(&mut self) -> Result<(), WrongStream> {
+        self.state.check()?;
+        if let Some(cut) = self.lines.finish() {
+            let number = self.line_number + 1;
+            self.skips.add("last line is cut off", || format!("line {number}: '{}'", shorten(&cut)));
+        }
+        self.epochs.finish(&mut self.skips, &mut self.records);
+        self.nav.finish(&mut self.skips);
+        self.state.check_end(self.line_number)
+    }
+
+    fn next_record(&mut self) -> Option<Record> {
+        self.records.pop_front()
+    }
+
+    fn skips(&self) -> &Skips {
+        &self.skips
+    }
+}

@@ -1,0 +1,155 @@
+//! Two static logs of 2016, the first public version of the app.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::collections::BTreeMap;
+
+use cofix_common::decode::{Decoder, Record};
+use cofix_common::gnss::ObservationEpoch;
+use cofix_common::gnsslogger::{BiasReference, FixProvider, GnssLoggerDecoder, Masks, Options};
+
+const JUNE: &str = "pseudoranges_log_2016_06_30_21_26_07.txt";
+const AUGUST: &str = "pseudoranges_log_2016_08_22_14_45_50.txt";
+
+fn read(name: &str, options: Options) -> Option<(Vec<ObservationEpoch>, GnssLoggerDecoder)> {
+    let path = format!("{}/../../shared/data/google-static-2016/{name}", env!("CARGO_MANIFEST_DIR"));
+    let Ok(text) = std::fs::read(&path) else {
+        println!("skipped: {path} is not here");
+        return None;
+    };
+    let mut decoder = GnssLoggerDecoder::new(options);
+    decoder.feed(&text).unwrap();
+    decoder.finish().unwrap();
+    let mut epochs = Vec::new();
+    while let Some(record) = decoder.next_record() {
+        match record {
+            Record::Epoch(epoch) => epochs.push(epoch),
+            Record::Ephemeris(e) => panic!("{e:?}: these logs have no Nav lines"),
+        }
+    }
+    Some((epochs, decoder))
+}
+
+fn per_signal(epochs: &[ObservationEpoch]) -> Vec<(String, usize)> {
+    let mut counts = BTreeMap::new();
+    for o in epochs.iter().flat_map(|e| &e.observations) {
+        *counts.entry(format!("{} {}", o.satellite, o.signal)).or_insert(0) += 1;
+    }
+    counts.into_iter().collect()
+}
+
+fn named(counts: &[(&str, usize)]) -> Vec<(String, usize)> {
+    counts.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect()
+}
+
+#[test]
+fn june() {
+    let Some((epochs, decoder)) = read(JUNE, Options::default()) else { return };
+    assert_eq!(epochs.len(), 223);
+    // 1379 lines, of which three of G03 are too uncertain.
+    assert_eq!(
+        per_signal(&epochs),
+        named(&[
+            ("G02 1C", 223),
+            ("G03 1C", 6),
+            ("G06 1C", 223),
+            ("G12 1C", 223),
+            ("G17 1C", 223),
+            ("G19 1C", 223),
+            ("G24 1C", 223),
+            ("G25 1C", 25),
+            ("G28 1C", 7),
+        ])
+    );
+    assert_eq!(decoder.skips().count("mask: received time uncertainty"), 3);
+    assert_eq!(decoder.skips().total(), 3, "{}", decoder.skips());
+    // The chip has no carrier phase; every line has a Doppler.
+    assert!(epochs.iter().flat_map(|e| &e.observations).all(|o| o.carrier_phase_cycles.is_none()));
+    assert!(epochs.iter().flat_map(|e| &e.observations).all(|o| o.doppler_hz.is_some()));
+    let fix = decoder.fixes()[0];
+    assert_eq!((decoder.fixes().len(), fix.provider), (216, FixProvider::Gnss));
+    assert_eq!(fix.time_gps.to_string(), "2016-06-30T21:26:26.000", "17 leap seconds");
+    assert!((fix.latitude_rad.to_degrees() - 37.422541).abs() < 1e-9);
+    assert_eq!((fix.height_m, fix.accuracy_m), (Some(-33.0), Some(3.0)));
+}
+
+#[test]
+fn august() {
+    let Some((epochs, decoder)) = read(AUGUST, Options::default()) else { return };
+    assert_eq!(epochs.len(), 202);
+    assert_eq!(
+        per_signal(&epochs),
+        named(&[
+            ("C07 2I", 201),
+            ("E22 1C", 161),
+            ("E30 1C", 191),
+            ("G02 1C", 184),
+            ("G05 1C", 173),
+            ("G12 1C", 199),
+            ("G15 1C", 182),
+            ("G18 1C", 111),
+            ("G20 1C", 200),
+            ("G21 1C", 200),
+            ("G25 1C", 199),
+            ("G26 1C", 194),
+            ("G29 1C", 200),
+            ("G31 1C", 170),
+        ])
+    );
+    let count = |reason: &str| decoder.skips().count(reason);
+    // All 1833 GLONASS lines name their satellite by frequency channel (Svid 93 to 106); none has its time of day.
+    assert_eq!(count("GLONASS satellite known by its frequency channel only"), 1_833);
+    assert_eq!(count("mask: state bits"), 597);
+    assert_eq!(count("mask: C/N0"), 27);
+    assert_eq!(count("mask: multipath indicator"), 19);
+    assert_eq!(count("epoch without a usable measurement"), 5, "no time of week yet");
+    assert_eq!(decoder.skips().total(), 1_833 + 597 + 27 + 19 + 5, "{}", decoder.skips());
+    assert_eq!(5_041 - 1_833 - 597 - 27 - 19, epochs.iter().map(|e| e.observations.len()).sum::<usize>());
+    let phases = epochs.iter().flat_map(|e| &e.observations).filter(|o| o.carrier_phase_cycles.is_some());
+    assert_eq!(phases.clone().count(), 2_048);
+    assert_eq!(phases.filter(|o| o.loss_of_lock.cycle_slip).count(), 0);
+}
+
+/// Masks that are off count nothing and give what they took.
+#[test]
+fn august_without_masks() {
+    let options = Options { masks: Masks::none(), ..Options::default() };
+    let Some((epochs, decoder)) = read(AUGUST, options) else { return };
+    let used: usize = epochs.iter().map(|e| e.observations.len()).sum();
+    assert_eq!(used, 5_041 - 1_833 - 597);
+    assert_eq!(decoder.skips().count("mask: state bits"), 597);
+    assert_eq!(decoder.skips().count("mask: multipath indicator"), 0);
+}
+
+/// With the first epoch's bias, tags and pseudoranges move together with the oscillator, and by the same for all
+/// satellites: t_rx is another, t_rx − P/c is the same.
+#[test]
+fn the_bias_reference_moves_tags_and_pseudoranges_together() {
+    let first = Options { bias_reference: BiasReference::FirstEpoch, ..Options::default() };
+    let (Some((each, _)), Some((first, _))) = (read(AUGUST, Options::default()), read(AUGUST, first)) else {
+        return;
+    };
+    assert_eq!(each.len(), first.len());
+    let mut widest = 0_i64;
+    for (a, b) in each.iter().zip(&first) {
+        let shift_ns = b.time_gps.nanos() - a.time_gps.nanos();
+        widest = widest.max(shift_ns.abs());
+        assert_eq!(a.observations.len(), b.observations.len());
+        for (x, y) in a.observations.iter().zip(&b.observations) {
+            let longer = y.pseudorange_m.unwrap() - x.pseudorange_m.unwrap();
+            assert!((longer - shift_ns as f64 * 0.299_792_458).abs() < 1e-6, "{longer} {shift_ns}");
+            assert_eq!(x.doppler_hz, y.doppler_hz);
+        }
+    }
+    println!("up to {widest} ns");
+    assert!(widest > 1_000, "{widest}");
+}
+
+/// The first log's chip counts a clock discontinuity with every epoch, so the first bias never lasts.
+#[test]
+fn a_discontinuity_takes_a_new_reference() {
+    let first = Options { bias_reference: BiasReference::FirstEpoch, ..Options::default() };
+    let (Some((each, _)), Some((first, _))) = (read(JUNE, Options::default()), read(JUNE, first)) else {
+        return;
+    };
+    assert_eq!(each, first);
+}
