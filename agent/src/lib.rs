@@ -11,6 +11,7 @@
 //! a Zenoh session of its own.
 
 mod config;
+pub mod convert;
 pub mod format;
 pub mod input;
 pub mod inspect;

@@ -1,11 +1,12 @@
 //! The command line of the agent.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
+use cofix_agent::convert::Outputs;
 use cofix_agent::input::LiveSource;
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
@@ -24,8 +25,41 @@ struct Arguments {
 
 /// What else the agent can do with recordings.
 #[derive(Debug, Subcommand)]
-#[allow(clippy::empty_enums)]
-enum Command {}
+enum Command {
+    /// Says what is in recordings: span, gaps, satellites, signals, strength, slips, clock jumps, what is skipped
+    Inspect(Inspect),
+    /// Writes recordings of any format as RINEX 3.05
+    Convert(Convert),
+}
+
+#[derive(Debug, Args)]
+struct Inspect {
+    /// Recordings of any format that is read (.gz too)
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// JSON instead of a table: a list with one object per file
+    #[arg(long)]
+    json: bool,
+    /// An instant within three days of the recordings, for RTCM 3 [GPS time, YYYY-MM-DDThh:mm:ss]
+    #[arg(long, value_name = "TIME")]
+    date: Option<GpsTime>,
+}
+
+#[derive(Debug, Args)]
+struct Convert {
+    /// Recordings of any format that is read (.gz too), in order of time
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Observation file to write
+    #[arg(long, value_name = "OUT", required_unless_present = "navigation")]
+    observations: Option<PathBuf>,
+    /// Navigation file to write, of the messages that the recordings carry
+    #[arg(long, value_name = "OUT")]
+    navigation: Option<PathBuf>,
+    /// An instant within three days of the recordings, for RTCM 3 [GPS time, YYYY-MM-DDThh:mm:ss]
+    #[arg(long, value_name = "TIME")]
+    date: Option<GpsTime>,
+}
 
 /// Publishing.
 #[derive(Debug, Args)]
@@ -84,9 +118,41 @@ fn main() -> ExitCode {
 
 fn work(arguments: Arguments) -> anyhow::Result<()> {
     match (arguments.command, arguments.publish) {
+        (Some(Command::Inspect(arguments)), _) => inspect(&arguments),
+        (Some(Command::Convert(arguments)), _) => convert(arguments),
         (None, Some(publish)) => start(publish.config()?),
         (None, None) => anyhow::bail!("nothing to do; see --help"),
     }
+}
+
+fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
+    let stop = Stop::default();
+    let mut out = std::io::stdout().lock();
+    let mut inspections = Vec::new();
+    for path in &arguments.files {
+        let inspection = cofix_agent::inspect::inspect(path, arguments.date, &stop)?;
+        if arguments.json {
+            inspections.push(inspection);
+        } else {
+            write!(out, "{inspection}")?;
+        }
+    }
+    if arguments.json {
+        serde_json::to_writer_pretty(&mut out, &inspections)?;
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
+fn convert(arguments: Convert) -> anyhow::Result<()> {
+    let Convert { files, observations, navigation, date } = arguments;
+    let outputs = Outputs { observations, navigation };
+    let converted = cofix_agent::convert::convert(&files, &outputs, date, &Stop::default())?;
+    for (reason, skip) in converted.skips.iter() {
+        tracing::warn!("skipped {} × {reason}, first: {}", skip.count, skip.first);
+    }
+    tracing::info!("wrote {} epochs and {} ephemerides", converted.epochs, converted.ephemerides);
+    Ok(())
 }
 
 impl Publish {

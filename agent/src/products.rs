@@ -116,6 +116,14 @@ impl OwnNavigation {
         self.file.leap_seconds = decoder.leap_seconds();
     }
 
+    /// Adds what another recording carried.
+    pub fn extend(&mut self, other: Self) {
+        self.file.ephemerides.extend(other.file.ephemerides);
+        self.file.glonass.extend(other.file.glonass);
+        self.file.ionosphere.gps = self.file.ionosphere.gps.or(other.file.ionosphere.gps);
+        self.file.leap_seconds = self.file.leap_seconds.or(other.file.leap_seconds);
+    }
+
     /// Whether there is no ephemeris.
     pub const fn is_empty(&self) -> bool {
         self.file.ephemerides.is_empty() && self.file.glonass.is_empty()

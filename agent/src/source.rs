@@ -153,7 +153,7 @@ fn open_live(live: &LiveSource) -> Result<Records, SourceError> {
 }
 
 /// GPS time of the computer's clock.
-fn gps_time_of(time: SystemTime) -> GpsTime {
+pub(crate) fn gps_time_of(time: SystemTime) -> GpsTime {
     let unix_s = time.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
     let epoch = GpsTime::default().as_unix_calendar_nanos() as f64 * 1e-9;
     let utc = GpsTime::default() + (unix_s - epoch);

@@ -6,7 +6,7 @@ use cofix_common::atmosphere::KlobucharCoefficients;
 use cofix_common::decode::{Decoder, Record, WrongStream};
 use cofix_common::gnsslogger::{self, GnssLoggerDecoder};
 use cofix_common::gsdc::DerivedDecoder;
-use cofix_common::rinex::{ObservationDecoder, leap_seconds_at};
+use cofix_common::rinex::{ObservationDecoder, ObservationHeader, leap_seconds_at};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -80,6 +80,14 @@ impl StreamDecoder {
                 decoder.header().map(|header| header.glonass_channels.clone()).unwrap_or_default()
             }
             _ => BTreeMap::new(),
+        }
+    }
+
+    /// The header of a RINEX stream, once it is complete.
+    pub fn header(&self) -> Option<&ObservationHeader> {
+        match &self.0 {
+            Kind::Rinex(_, decoder) => decoder.header(),
+            _ => None,
         }
     }
 

@@ -6,8 +6,7 @@ use std::fmt::Write as _;
 
 use cofix_common::gnss::{Constellation, SatelliteId, SignalCode};
 use cofix_common::orbit::{ClockReference, KeplerEphemeris, NavigationMessage, OrbitError, Products, Sp3};
-use cofix_common::rinex::{IonosphereTerms, NavigationFile};
-use cofix_common::skips::Skips;
+use cofix_common::rinex::NavigationFile;
 use cofix_common::time::GpsTime;
 use proptest::prelude::*;
 
@@ -170,12 +169,7 @@ proptest! {
 }
 
 fn navigation(ephemerides: Vec<KeplerEphemeris>) -> NavigationFile {
-    NavigationFile {
-        ephemerides,
-        ionosphere: IonosphereTerms::default(),
-        leap_seconds: Some(18),
-        skips: Skips::default(),
-    }
+    NavigationFile { ephemerides, leap_seconds: Some(18), ..NavigationFile::default() }
 }
 
 #[test]

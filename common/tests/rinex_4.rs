@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use cofix_common::decode::{Decoder, Record};
 use cofix_common::orbit::Products;
 use cofix_common::rinex::{NavigationDecoder, NavigationFile, ObservationFile};
-use proptest::prelude::*;
 
 const GPS: &str = "G01 2020 06 25 04 00 00 1.604342833161e-05 7.048583938740e-12 0.000000000000e+00
      5.800000000000e+01-3.968750000000e+01 4.304822170265e-09 6.342094507864e-01
@@ -122,6 +121,14 @@ fn the_glonass_record_of_3_05_has_flags_and_may_miss_its_delay() {
         assert!(products.satellite_state(r01.satellite, toe + 600.0).is_ok());
         assert_eq!(products.glonass_channel(r01.satellite, toe + 1e6), Some(1));
     }
+    // A message says more than an observation header.
+    let mut products = Products::new(vec![], vec![read(GLONASS)]);
+    products.set_glonass_channels(&std::collections::BTreeMap::from([(1, -7), (2, -4)]));
+    let channel = |text: &str| products.glonass_channel(text.parse().unwrap(), r01.toe);
+    assert_eq!(
+        (channel("R01"), channel("R02"), channel("R03"), channel("G02")),
+        (Some(1), Some(-4), None, None)
+    );
     for (from, to) in [
         ("1.000000000000e+00\n     2.288", "2.100000000000e+01\n     2.288"),
         (" 1.090894238281e+04", " 9.090894238281e+04"),
@@ -172,7 +179,8 @@ fn a_stream_gives_the_same_in_any_portions() {
     let whole = records(std::iter::once(text.clone()));
     assert_eq!(whole.len(), 4);
     for size in [1, 7, 81, 4_096] {
-        assert_eq!(records(text.chunks(size).map(<[u8]>::to_vec)), whole);
+        // As text, for an unknown group delay is NaN.
+        assert_eq!(format!("{:?}", records(text.chunks(size).map(<[u8]>::to_vec))), format!("{whole:?}"));
     }
 }
 
@@ -198,18 +206,5 @@ fn a_broadcast_file_of_a_day_has_all_systems() {
         println!("{missing} without L2 delay");
         assert!(file.glonass.len() > 100);
         assert!(file.skips.iter().all(|(reason, _)| reason.contains("not supported")), "{}", file.skips);
-    }
-}
-
-proptest! {
-    #[test]
-    fn damaged_records_never_panic(at in 0..6_000_usize, byte: u8, cut in 0..200_usize) {
-        let mut text = mixed().into_bytes();
-        let at = at % text.len();
-        text[at] = byte;
-        text.drain(at..(at + cut).min(at + 1).max(at));
-        let _ = NavigationFile::parse(&text);
-        text.truncate(at);
-        let _ = NavigationFile::parse(&text);
     }
 }

@@ -108,6 +108,15 @@ fn a_phones_own_file_is_read() {
     assert!(g04.loss_of_lock.half_cycle && !g04.loss_of_lock.cycle_slip);
 }
 
+#[test]
+fn a_base_stations_file_is_read() {
+    let Some(bytes) = shared("data/gsdc-2020-05-14-mtv1/slac1350.obs") else { return };
+    let file = ObservationFile::parse(&bytes).unwrap();
+    println!("{} epochs, {}", file.epochs.len(), file.skips);
+    assert!(file.epochs.len() > 100 && file.skips.is_empty(), "{}", file.skips);
+    assert_eq!(find(&file.epochs[0], "R11", "1P").pseudorange_m, Some(22_231_781.355));
+}
+
 /// A header line: content and label.
 fn header(content: &str, label: &str) -> String {
     format!("{content:<60}{label}\n")

@@ -133,14 +133,14 @@ fn rows<'a>(
         return (lines.iter().map(|l| l[..3].to_owned()).collect(), lines.iter().map(row).collect());
     }
     let types = types[&' '];
-    let mut list = format!("{:68}", epoch)[32..68].to_owned();
+    let mut list = format!("{epoch:68}")[32..68].to_owned();
     for _ in 1..count.div_ceil(12) {
         list += &format!("{:68}", lines.next().unwrap())[32..68];
     }
     let ids = (0..count).map(|k| list[3 * k..3 * k + 3].to_owned()).collect();
     let mut row = || {
-        let text: String = lines.take(types.div_ceil(5)).map(|line| format!("{line:80}")).collect();
-        text[..16 * types].to_owned()
+        let text: Vec<String> = lines.take(types.div_ceil(5)).map(|line| format!("{line:80}")).collect();
+        text.concat()[..16 * types].to_owned()
     };
     (ids, (0..count).map(|_| row()).collect())
 }
@@ -285,6 +285,27 @@ fn an_example_of_version_1_by_hand() {
     assert_eq!(file.epochs[1].time_gps, "2005-04-02T00:00:30".parse().unwrap());
 }
 
+/// An event between: its lines are plain, it may bring other types, and what follows must start anew.
+#[test]
+fn events_change_the_types_and_want_a_new_start() {
+    let head = header("3.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE")
+        + &header("by hand", "CRINEX PROG / DATE")
+        + &header("     3.04           OBSERVATION DATA    M", "RINEX VERSION / TYPE")
+        + &header("G    2 C1C D1C", "SYS / # / OBS TYPES")
+        + &header("", "END OF HEADER")
+        + "> 2010 10 24 22 14 30.0000000  0  1      G05\n\n3&21111612436 3&-1500\n"
+        + ">                              4  1\n"
+        + &header("G    1 S1C", "SYS / # / OBS TYPES");
+    let anew = "&reserved\n> 2010 10 24 22 14 31.0000000  0  1      G05\n\n3&45000\n";
+    let file = ObservationFile::parse((head.clone() + anew).as_bytes()).unwrap();
+    assert_eq!(file.epochs[1].observations[0].cn0_dbhz, Some(45.0), "{}", file.skips);
+    assert_eq!((file.skips.count("Hatanaka escape line"), file.skips.total()), (1, 2));
+    // A difference to what was before the event has no meaning.
+    let file = ObservationFile::parse((head + "                    1\n\n5\n" + anew).as_bytes()).unwrap();
+    assert_eq!(file.epochs.len(), 2, "{}", file.skips);
+    assert!(file.skips.total() > 2, "{}", file.skips);
+}
+
 /// One satellite of one epoch: values and indicators by type.
 type Row = Vec<Option<(i64, u8)>>;
 
@@ -294,8 +315,8 @@ fn rinex_3(epochs: &[BTreeMap<u8, Row>]) -> String {
         + &header("", "END OF HEADER");
     for (second, epoch) in epochs.iter().enumerate() {
         if second == 5 {
-            text +=
-                &format!(">                              4  1\n{}", header("SOMETHING HAPPENED", "COMMENT"));
+            text += ">                              4  1\n";
+            text += &header("SOMETHING HAPPENED", "COMMENT");
         }
         writeln!(text, "> 2020 08 13 14 {:02} {:2}.0000000  0{:3}", second / 60, second % 60, epoch.len())
             .unwrap();
@@ -310,8 +331,8 @@ fn rinex_3(epochs: &[BTreeMap<u8, Row>]) -> String {
                 }
                 None => " ".repeat(16),
             };
-            let values: String = row.iter().map(|v| format!("{:<16}", field(v))).collect();
-            writeln!(text, "G{number:02}{}", values.trim_end()).unwrap();
+            let values: Vec<String> = row.iter().map(|v| format!("{:<16}", field(v))).collect();
+            writeln!(text, "G{number:02}{}", values.concat().trim_end()).unwrap();
         }
     }
     text

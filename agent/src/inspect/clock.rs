@@ -46,10 +46,12 @@ struct Range {
     rate_mps: f64,
 }
 
+type Ranges = BTreeMap<(SatelliteId, SignalCode), Range>;
+
 /// Compares each epoch with the one before.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clock {
-    before: Option<(GpsTime, BTreeMap<(SatelliteId, SignalCode), Range>)>,
+    before: Option<(GpsTime, Ranges)>,
     jumps: ClockJumps,
 }
 
@@ -88,7 +90,7 @@ impl Clock {
 }
 
 /// Ranges with a rate. GLONASS is left out: its wavelengths need channels, and the others are enough.
-fn ranges(epoch: &ObservationEpoch) -> BTreeMap<(SatelliteId, SignalCode), Range> {
+fn ranges(epoch: &ObservationEpoch) -> Ranges {
     let range = |o: &cofix_common::gnss::Observation| {
         let wavelength_m = o.signal.wavelength_m(o.satellite.constellation, None)?;
         let range = Range { pseudorange_m: o.pseudorange_m?, rate_mps: -wavelength_m * o.doppler_hz? };

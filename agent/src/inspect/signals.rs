@@ -65,21 +65,21 @@ pub struct SignalReport {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sum {
     count: u64,
-    sum: f64,
+    total: f64,
     bounds: Option<(f64, f64)>,
 }
 
 impl Sum {
     pub(super) fn add(&mut self, value: f64) {
         self.count += 1;
-        self.sum += value;
+        self.total += value;
         let (low, high) = self.bounds.unwrap_or((value, value));
         self.bounds = Some((low.min(value), high.max(value)));
     }
 
     pub(super) fn spread(&self) -> Option<Spread> {
         let (minimum, maximum) = self.bounds?;
-        Some(Spread { minimum, mean: self.sum / self.count as f64, maximum })
+        Some(Spread { minimum, mean: self.total / self.count as f64, maximum })
     }
 }
 

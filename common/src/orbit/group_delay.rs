@@ -86,13 +86,22 @@ impl GroupDelays {
     }
 }
 
-/// GLONASS: the clock τ_n is that of L1; L2 leaves the satellite Δτ_n later (ICD 4.4). Nothing is known of L3.
-pub(super) fn glonass_correction_m(signal: SignalCode, l2_delay_s: Option<f64>) -> Option<f64> {
-    match signal.band {
-        b'1' => Some(0.0),
-        b'2' => l2_delay_s.map(|delay_s| -SPEED_OF_LIGHT_MPS * delay_s),
-        _ => None,
-    }
+/// GLONASS: the broadcast clock τ_n is that of L1, and L2 leaves the satellite Δτ_n later (ICD 4.4). The clock of the
+/// L1/L2 pair is Δτ_n/(γ − 1) ahead of L1, with γ = (9/7)². Nothing is known of L3.
+pub(super) fn glonass_correction_m(
+    signal: SignalCode,
+    reference: ClockReference,
+    l2_delay_s: Option<f64>,
+) -> Option<f64> {
+    const GAMMA: f64 = 81.0 / 49.0;
+    let factor = match (signal.band, reference) {
+        (b'1', ClockReference::Broadcast) => return Some(0.0),
+        (b'1', ClockReference::IonosphereFree) => 1.0 / (GAMMA - 1.0),
+        (b'2', ClockReference::Broadcast) => 1.0,
+        (b'2', ClockReference::IonosphereFree) => GAMMA / (GAMMA - 1.0),
+        _ => return None,
+    };
+    l2_delay_s.map(|delay_s| -SPEED_OF_LIGHT_MPS * factor * delay_s)
 }
 
 /// (f_a / f_b)² of two bands of a system.
@@ -172,15 +181,20 @@ mod tests {
     }
 
     #[test]
-    fn glonass_clocks_are_those_of_l1() {
-        let delay = Some(5e-9);
-        assert_eq!(glonass_correction_m(SignalCode::new(b'1', b'C'), None), Some(0.0));
-        assert_eq!(
-            glonass_correction_m(SignalCode::new(b'2', b'C'), delay),
-            Some(-5e-9 * SPEED_OF_LIGHT_MPS)
-        );
-        assert_eq!(glonass_correction_m(SignalCode::new(b'2', b'C'), None), None);
-        assert_eq!(glonass_correction_m(SignalCode::new(b'3', b'X'), delay), None);
+    fn glonass_clocks_are_those_of_l1_or_of_the_pair() {
+        let correct = |band, reference, delay| {
+            glonass_correction_m(SignalCode::new(band, b'C'), reference, delay)
+                .map(|m| m / SPEED_OF_LIGHT_MPS * 1e9)
+        };
+        assert_eq!(correct(b'1', Broadcast, None), Some(0.0));
+        assert_eq!(correct(b'1', IonosphereFree, None), None);
+        assert_eq!(correct(b'2', Broadcast, None), None);
+        assert_eq!(correct(b'3', Broadcast, Some(5e-9)), None);
+        assert!((correct(b'2', Broadcast, Some(5e-9)).unwrap() + 5.0).abs() < 1e-12);
+        // The pair needs no correction against its own clock.
+        let gamma = 81.0 / 49.0;
+        let of = |band| correct(band, IonosphereFree, Some(5e-9)).unwrap();
+        assert!((gamma * of(b'1') - of(b'2')).abs() < 1e-12);
     }
 
     /// The two Galileo messages' clocks differ by their group delays, so the corrected E5a and E5b agree.

@@ -1,5 +1,7 @@
 //! Orbits, clocks, group delays and ionosphere terms from whatever files there are.
 
+use std::collections::BTreeMap;
+
 use super::broadcast::BroadcastOrbit;
 use super::glonass::GlonassOrbit;
 use super::group_delay::{GroupDelays, glonass_correction_m};
@@ -24,6 +26,7 @@ pub struct Products {
     ionosphere: Option<KlobucharCoefficients>,
     precise_span: Option<(GpsTime, GpsTime)>,
     leap_seconds: Option<i64>,
+    glonass_channels: BTreeMap<u8, i8>,
 }
 
 /// What is known of one satellite.
@@ -140,7 +143,8 @@ impl Products {
     ) -> Option<f64> {
         let known = self.known(satellite)?;
         if satellite.constellation == Constellation::Glonass {
-            return glonass_correction_m(signal, known.glonass.nearest(time).and_then(|e| e.l2_delay_s));
+            let l2_delay_s = known.glonass.nearest(time).and_then(|e| e.l2_delay_s);
+            return glonass_correction_m(signal, reference, l2_delay_s);
         }
         let broadcast = &known.broadcast;
         let (main, fnav) = broadcast.nearest(time);
@@ -189,9 +193,23 @@ impl Products {
     }
 
     /// The frequency channel of a GLONASS satellite by the message nearest to `time`, at any age: satellites keep
-    /// their channel for months. `None` for other systems and for satellites without a message.
+    /// their channel for months. Without a message the one of [`Products::set_glonass_channels`]; `None` for other
+    /// systems and where nothing is known.
     pub fn glonass_channel(&self, satellite: SatelliteId, time: GpsTime) -> Option<i8> {
-        self.known(satellite)?.glonass.nearest(time).map(|ephemeris| ephemeris.frequency_channel)
+        if satellite.constellation != Constellation::Glonass {
+            return None;
+        }
+        let nearest = self.known(satellite).and_then(|known| known.glonass.nearest(time));
+        let stated = || self.glonass_channels.get(&satellite.number).copied();
+        nearest.map(|ephemeris| ephemeris.frequency_channel).or_else(stated)
+    }
+
+    /// Takes GLONASS frequency channels by slot, as observation headers give them, for satellites without a navigation
+    /// message (precise orbits do not tell the channel). Those set before stay.
+    pub fn set_glonass_channels(&mut self, channels: &BTreeMap<u8, i8>) {
+        for (slot, channel) in channels {
+            self.glonass_channels.entry(*slot).or_insert(*channel);
+        }
     }
 
     fn known(&self, satellite: SatelliteId) -> Option<&Satellite> {

@@ -4,11 +4,12 @@
 //! Epoch lines and indicators are differences of text: a blank repeats the character of the epoch before, `&` stands
 //! for a blank. Values are integers, differenced in time up to an order that their first one states (`3&21111612436`).
 //! An epoch line that begins with `&` (version 1) or `>` (version 3) starts everything anew; after damage we wait for it.
+//! Events begin like that, too; their lines are plain, and the epoch after them starts anew.
 
 use std::collections::BTreeMap;
 
 use super::differences::{Arc, change_text};
-use super::{columns, epoch_2, integer, observation, shorten};
+use super::{columns, epoch_2, epoch_3, integer, shorten};
 use crate::skips::Skips;
 
 /// Satellites in one RINEX 2 epoch line.
@@ -114,6 +115,10 @@ impl Hatanaka {
                 push_line(out, line);
                 self.expected = if remaining > 1 { Expected::Event(remaining - 1) } else { Expected::Epoch };
             }
+            // Version 3 reserves lines that begin so.
+            Expected::Epoch if self.form == Form::Three && line.first() == Some(&b'&') => {
+                skips.add("Hatanaka escape line", || format!("line {number}: '{}'", shorten(line)));
+            }
             Expected::Epoch => self.epoch(number, line, out, skips),
             _ if restarts => self.epoch(number, line, out, skips),
             // The receiver clock's offset is not used.
@@ -157,7 +162,7 @@ impl Hatanaka {
         let count = integer(columns(&text, flag_at + 1, flag_at + 4)).and_then(|n| usize::try_from(n).ok());
         let timed = match self.form {
             Form::One => epoch_2::epoch_time(&text).is_some(),
-            Form::Three => text.first() == Some(&b'>') && observation::epoch_time(&text).is_some(),
+            Form::Three => text.first() == Some(&b'>') && epoch_3::epoch_time(&text).is_some(),
         };
         match (flag, count) {
             (Some(b'0' | b'1'), Some(count)) if timed && (restarts || !self.epoch.is_empty()) => {
@@ -170,8 +175,9 @@ impl Hatanaka {
                 self.epoch = text;
                 self.expected = Expected::Clock;
             }
-            (Some(b'2'..=b'6'), Some(count)) => {
+            (Some(b'2'..=b'6'), Some(count)) if restarts => {
                 push_line(out, &text);
+                self.epoch.clear();
                 self.expected = if count > 0 { Expected::Event(count) } else { Expected::Epoch };
             }
             _ => {
@@ -226,6 +232,11 @@ impl Hatanaka {
         }
         change_text(&mut track.indicators, rest);
         track.indicators.resize(2 * types, b' ');
+        // In version 1 a missing value has no indicators; in version 3 they are on their own.
+        if self.form == Form::One {
+            let missing = values.iter().zip(track.indicators.chunks_mut(2)).filter(|(v, _)| v.is_none());
+            missing.for_each(|(_, indicators)| indicators.fill(b' '));
+        }
         if self.form == Form::Three {
             out.extend_from_slice(&id);
         }

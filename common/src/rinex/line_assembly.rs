@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn overlong_lines_leave_a_number_behind() {
-        let text = [b"a\r\n", &[b'x'; 1_000_000][..], b"\nb"].concat();
+        let text = [b"a\r\n".to_vec(), vec![b'x'; 1_000_000], b"\nb".to_vec()].concat();
         let expected = vec![(1, Some(b"a".to_vec())), (2, None), (3, Some(b"b".to_vec()))];
         assert_eq!(assemble(text.chunks(text.len())), expected);
         assert_eq!(assemble(text.chunks(7)), expected);

@@ -8,6 +8,7 @@ mod decimal;
 mod decompress;
 mod differences;
 mod epoch_2;
+mod epoch_3;
 mod glonass_record;
 mod hatanaka;
 mod header;
@@ -19,20 +20,23 @@ mod navigation_header;
 mod navigation_record;
 mod observation;
 mod observation_record;
+mod order;
 mod stream;
+mod types;
 mod types_2;
 mod version;
 mod writer;
 
 pub(crate) use decimal::{integer, real};
 pub use decompress::{DecompressError, MAX_DECOMPRESSED_BYTES, decompress};
-pub use header::{ObservationHeader, ObservationKind, ObservationType};
+pub use header::ObservationHeader;
 pub use leap_seconds::leap_seconds_at;
 pub use line_assembly::MAX_LINE_BYTES;
 pub use navigation::NavigationFile;
 pub use navigation_decoder::NavigationDecoder;
 pub use navigation_header::IonosphereTerms;
 pub use observation::{ObservationDecoder, ObservationFile};
+pub use types::{ObservationKind, ObservationType};
 pub use writer::{ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record};
 
 /// Why a file cannot be read at all.

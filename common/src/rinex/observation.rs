@@ -1,19 +1,16 @@
 //! Observation files, line by line.
 
 use super::epoch_2::{self, Listed};
+use super::epoch_3;
 use super::hatanaka::{Form, Hatanaka};
 use super::header::{HeaderBuilder, ObservationHeader};
 use super::line_assembly::Line;
 use super::observation_record::{Layouts, Seen};
+use super::order::Order;
 use super::stream::Stream;
-use super::{RinexError, columns, decompress, integer, lines, real, shorten, trim_end};
+use super::{RinexError, columns, decompress, integer, lines, shorten, trim_end};
 use crate::gnss::{EpochFlag, ObservationEpoch};
 use crate::skips::Skips;
-use crate::time::{Calendar, GpsTime};
-
-/// A longer step forward than this (s) is believed only when the next epoch confirms it: one damaged date must
-/// not turn all later epochs into steps backwards.
-const MAX_STEP_S: f64 = 86_400.0;
 
 /// Decodes an observation file one line at a time. It owns no input, so a file, a growing file and a socket
 /// are read alike.
@@ -68,14 +65,7 @@ struct Pending {
     remaining: usize,
     seen: Seen,
     /// RINEX 2: the satellites' list.
-    listed: Option<Listed>,
-}
-
-/// Keeps the epochs in time order.
-#[derive(Clone, Copy, Debug, Default)]
-struct Order {
-    last: Option<GpsTime>,
-    suspect: Option<GpsTime>,
+    listed: Option<Box<Listed>>,
 }
 
 /// A whole observation file.
@@ -294,7 +284,7 @@ impl ObservationDecoder {
     }
 
     fn epoch(&mut self, number: u64, line: &[u8], announced: usize, flag: EpochFlag) -> State {
-        let own = if self.builder.is_2() { epoch_2::epoch_time(line) } else { epoch_time(line) };
+        let own = if self.builder.is_2() { epoch_2::epoch_time(line) } else { epoch_3::epoch_time(line) };
         let Some(time_gps) = own.map(|t| self.builder.to_gps(t)) else {
             self.skips.add("epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
             return State::Lost;
@@ -310,10 +300,11 @@ impl ObservationDecoder {
         }
         let observations = Vec::with_capacity(self.usual_size.max(16));
         let epoch = ObservationEpoch { time_gps, flag, observations };
+        let types = self.builder.types_2();
         let listed = self
             .builder
             .is_2()
-            .then(|| Listed::new(line, announced, self.builder.types_2(), self.builder.default_letter()));
+            .then(|| Box::new(Listed::new(line, announced, types, self.builder.default_letter())));
         let seen = Seen::default();
         State::Epoch(Pending { epoch, line: number, announced, remaining: announced, seen, listed })
     }
@@ -335,43 +326,6 @@ impl Pending {
     }
 }
 
-impl Order {
-    /// Accepts a time, or says why not and against which time.
-    fn check(&mut self, time: GpsTime, first: Option<GpsTime>) -> Result<(), (&'static str, GpsTime)> {
-        if let Some(last) = self.last {
-            if time == last {
-                return Err(("epoch repeats the time of the one before", last));
-            }
-            if time < last {
-                return Err(("epoch steps back in time", last));
-            }
-        }
-        if let Some(reference) = self.last.or(first) {
-            let confirmed = self.suspect.is_some_and(|s| (0.0..=MAX_STEP_S).contains(&(time - s)));
-            if (time - reference).abs() > MAX_STEP_S && !confirmed {
-                self.suspect = Some(time);
-                return Err(("epoch jumps by more than a day", reference));
-            }
-        }
-        self.last = Some(time);
-        self.suspect = None;
-        Ok(())
-    }
-}
-
 const fn skip(remaining: usize, header_lines: bool) -> State {
     if remaining == 0 { State::Between } else { State::Skip { remaining, header_lines } }
-}
-
-/// The time of an epoch line of RINEX 3 and 4, in the file's time system.
-pub(super) fn epoch_time(line: &[u8]) -> Option<GpsTime> {
-    let small = |from: usize, to: usize| integer(columns(line, from, to)).and_then(|v| u32::try_from(v).ok());
-    GpsTime::from_calendar(Calendar {
-        year: i32::try_from(integer(columns(line, 2, 6))?).ok()?,
-        month: small(7, 9)?,
-        day: small(10, 12)?,
-        hour: small(13, 15)?,
-        minute: small(16, 18)?,
-        second: real(columns(line, 18, 29))?,
-    })
 }

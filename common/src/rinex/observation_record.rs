@@ -2,7 +2,8 @@
 
 use super::ObservationType;
 use super::decimal::{Thousandths, thousandths};
-use super::header::{ObservationHeader, ObservationKind};
+use super::header::ObservationHeader;
+use super::types::ObservationKind;
 use super::{columns, shorten};
 use crate::gnss::{LossOfLock, Observation, SatelliteId, SignalCode};
 use crate::skips::Skips;

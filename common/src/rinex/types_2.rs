@@ -1,6 +1,6 @@
 //! Observation types of RINEX 2 as those of RINEX 3.
 
-use super::header::{ObservationKind, ObservationType};
+use super::types::{ObservationKind, ObservationType};
 use super::{columns, integer};
 use crate::gnss::{Constellation, SignalCode};
 
@@ -91,8 +91,9 @@ const fn signal(band: u8, precise: bool, constellation: Constellation) -> Option
         (Gps, b'1' | b'2', true) => (band, b'W'),
         (Glonass, b'1' | b'2', true) => (band, b'P'),
         (Gps | Glonass | Qzss | Sbas, b'1', false) | (Glonass, b'2', false) => (band, b'C'),
-        (Gps | Qzss, b'2', _) | (Gps | Qzss | Sbas, b'5', _) => (band, b'X'),
-        (Galileo, b'1' | b'5' | b'6' | b'7' | b'8', _) => (band, b'X'),
+        (Gps | Qzss, b'2', _)
+        | (Gps | Qzss | Sbas, b'5', _)
+        | (Galileo, b'1' | b'5' | b'6' | b'7' | b'8', _) => (band, b'X'),
         (Beidou, b'1' | b'2', _) => (b'2', b'I'),
         (Beidou, b'6' | b'7', _) => (band, b'I'),
         _ => return None,

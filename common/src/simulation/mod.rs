@@ -50,7 +50,6 @@ use crate::constraint::Constraint;
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, Products, SatelliteState};
 use crate::rinex::{IonosphereTerms, NavigationFile};
-use crate::skips::Skips;
 use crate::time::GpsTime;
 
 use satellites::SimulatedSatellite;
@@ -115,10 +114,9 @@ impl Simulation {
     pub fn navigation(&self) -> NavigationFile {
         NavigationFile {
             ephemerides: self.ephemerides.clone(),
-            glonass: Vec::new(),
             ionosphere: IonosphereTerms { gps: Some(KLOBUCHAR), ..IonosphereTerms::default() },
             leap_seconds: Some(18),
-            skips: Skips::default(),
+            ..NavigationFile::default()
         }
     }
 

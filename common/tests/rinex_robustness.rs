@@ -1,0 +1,290 @@
+//! Every RINEX parser on damaged and on arbitrary bytes, as a whole file and as a stream: they count, they do not panic,
+//! what they give is in bounds, and portions do not matter.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)] // helpers of tests
+
+use cofix_common::decode::{Decoder, Record};
+use cofix_common::gnss::Observation;
+use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris};
+use cofix_common::rinex::{
+    MAX_LINE_BYTES, NavigationDecoder, NavigationFile, ObservationDecoder, ObservationFile,
+};
+use cofix_common::skips::Skips;
+use proptest::prelude::*;
+
+const OBSERVATIONS_2: &str =
+    "     2.11           OBSERVATION DATA    M (MIXED)           RINEX VERSION / TYPE
+     6    L1    C1    L2    P2    D1    S1                  # / TYPES OF OBSERV
+  2005     4     2     0     0    0.0000000     GPS         TIME OF FIRST OBS
+                                                            END OF HEADER
+ 05  4  2  0  0  0.0000000  0  2G 3R 7
+  55923622.160    24767686.375    43647388.2424   24767684.8224       -691.177
+        45.000
+   -691177.898    24361933.475     -537007.1404   24361930.5994       -537.007
+        37.000
+                            4  1
+A COMMENT                                                   COMMENT
+ 05  4  2  0  0 30.0000000  0 13  1  2  3  4  5  6  7  8  9 10 11 12
+                                 13
+";
+
+const COMPACT_1: &str = "1.0                 COMPACT RINEX FORMAT                    CRINEX VERS   / TYPE
+BY HAND                                                     CRINEX PROG / DATE
+     2.11           OBSERVATION DATA    G (GPS)             RINEX VERSION / TYPE
+     2    C1    L1                                          # / TYPES OF OBSERV
+                                                            END OF HEADER
+&05  4  2  0  0  0.0000000  0  2G 3G 7
+
+3&24767686375 3&55923622160  1
+3&24361933475 3&-691177898
+                3
+
+28244296 148426281  &
+-2041349 -10730547
+&                           4  1
+A COMMENT                                                   COMMENT
+&05  4  2  0  1  0.0000000  0  2G 3G 7
+
+3&24824193270 3&56220567922
+3&24357843816 3&-712671320
+";
+
+const COMPACT_3: &str = "3.0                 COMPACT RINEX FORMAT                    CRINEX VERS   / TYPE
+BY HAND                                                     CRINEX PROG / DATE
+     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
+G    2 C1C L1C                                              SYS / # / OBS TYPES
+E    2 C1X L1X                                              SYS / # / OBS TYPES
+                                                            END OF HEADER
+> 2020 08 13 14 19  2.0000000  0  2      G10E07
+
+3&21111612436 3&291795067814  4
+3&24000000000
+                    3
+
+483 -2518 5
+
+                    4
+
+5 3
+1&24000000100 0&7
+";
+
+const NAVIGATION_2: &str = "     2.10           N: GPS NAV DATA                         RINEX VERSION / TYPE
+    1.1180D-08  1.4900D-08 -5.9600D-08 -5.9600D-08          ION ALPHA
+    8.8060D+04  1.6380D+04 -1.9660D+05 -1.3110D+05          ION BETA
+    13                                                      LEAP SECONDS
+                                                            END OF HEADER
+ 1 05  4  2  2  0  0.0 3.966595977540D-04 1.705302565820D-12 0.000000000000D+00
+    1.400000000000D+02-5.218750000000D+01 4.026596389650D-09 2.871534990340D+00
+   -2.676621079440D-06 5.957618006510D-03 4.174187779430D-06 5.153636478420D+03
+    5.256000000000D+05 1.061707735060D-07-2.493184817740D+00-9.313225746150D-08
+    9.833919144490D-01 3.093750000000D+02-1.650496813270D+00-7.889971342930D-09
+   -8.571785642400D-12 1.000000000000D+00 1.316000000000D+03 0.000000000000D+00
+    1.000000000000D+00 0.000000000000D+00-3.259629011150D-09 3.960000000000D+02
+    5.195760000000D+05
+";
+
+const GLONASS_2: &str = "     2.01           GLONASS NAV DATA                        RINEX VERSION / TYPE
+                                                            END OF HEADER
+ 4 98  2 15  0 15  0.0 0.179599039257D-03 0.636646291241D-11 0.122400000000D+05
+    0.562136621094D+04-0.289074897766D+00-0.931322574615D-09 0.000000000000D+00
+   -0.236819248047D+05 0.102263259888D+01 0.931322574615D-09 0.120000000000D+02
+    0.762532910156D+04 0.339257907867D+01 0.000000000000D+00 0.300000000000D+01
+";
+
+const NAVIGATION_4: &str = "     4.00           NAVIGATION DATA     M                   RINEX VERSION / TYPE
+                                                            END OF HEADER
+> EPH R01 FDMA
+R01 2020 06 24 23 15 00 6.355904042721e-05 0.000000000000e+00 3.420000000000e+05
+     1.090894238281e+04 1.407806396484e+00-1.862645149231e-09 0.000000000000e+00
+    -2.885726074219e+03 2.795855522156e+00-0.000000000000e+00 1.000000000000e+00
+     2.288353955078e+04-3.169984817505e-01-2.793967723846e-09 0.000000000000e+00
+     1.790000000000e+02 8.381903171539e-09 2.000000000000e+00 3.000000000000e+00
+> EPH G01 CNAV
+G01 2020 06 25 04 00 00 1.604342833161e-05 7.048583938740e-12 0.000000000000e+00
+     5.800000000000e+01-3.968750000000e+01 4.304822170265e-09 6.342094507864e-01
+> ION G01 LNAV
+    2020 06 25 00 00 00 4.656600000000e-09 1.490100000000e-08-5.960500000000e-08
+    -1.192100000000e-07 8.192000000000e+04 9.830400000000e+04-6.553600000000e+04
+    -5.242900000000e+05
+> EPH E01 INAV
+E01 2020 06 24 23 30 00-8.846933487803e-04-7.972289495228e-12 0.000000000000e+00
+     6.100000000000e+01 1.865625000000e+01 2.656539226950e-09-1.832282909549e+00
+     8.568167686462e-07 9.650341235101e-05 1.049041748047e-05 5.440602037430e+03
+     3.438000000000e+05 1.862645149231e-09 2.123282284601e-01-1.452863216400e-07
+     9.828296477370e-01 1.298750000000e+02-2.778709093141e+00-5.216288707934e-09
+    -6.996720012901e-10 5.170000000000e+02 2.111000000000e+03
+     3.120000000000e+00 0.000000000000e+00-1.862645149231e-09-2.095475792885e-09
+     3.444650000000e+05
+";
+
+const OBSERVATION_TEXTS: [&str; 3] = [OBSERVATIONS_2, COMPACT_1, COMPACT_3];
+const NAVIGATION_TEXTS: [&str; 3] = [NAVIGATION_2, GLONASS_2, NAVIGATION_4];
+
+#[test]
+fn the_undamaged_texts_are_read_in_full() {
+    // The last epoch of the first is cut off; the others are complete.
+    for (text, epochs, skipped) in [(OBSERVATIONS_2, 1, 2), (COMPACT_1, 3, 1), (COMPACT_3, 3, 0)] {
+        let file = ObservationFile::parse(text.as_bytes()).unwrap();
+        assert_eq!((file.epochs.len() as u64, file.skips.total()), (epochs, skipped), "{}", file.skips);
+    }
+    for (text, kepler, glonass, skipped) in
+        [(NAVIGATION_2, 1, 0, 0), (GLONASS_2, 0, 1, 0), (NAVIGATION_4, 1, 1, 1)]
+    {
+        let file = NavigationFile::parse(text.as_bytes()).unwrap();
+        assert_eq!(
+            (file.ephemerides.len(), file.glonass.len(), file.skips.total()),
+            (kepler, glonass, skipped),
+            "{}",
+            file.skips
+        );
+    }
+}
+
+/// Some bytes of a text lost, and others put in their place.
+#[derive(Clone, Debug)]
+struct Damage {
+    at: usize,
+    lost: usize,
+    new: Vec<u8>,
+}
+
+fn damages() -> impl Strategy<Value = Vec<Damage>> {
+    let new = prop_oneof![
+        proptest::collection::vec(any::<u8>(), 0..20),
+        "[0-9 .>&\r\n-]{0,8}".prop_map(String::into_bytes),
+    ];
+    let lost = prop_oneof![Just(0), 1..4_usize, 1..100_usize];
+    let one = (any::<usize>(), lost, new).prop_map(|(at, lost, new)| Damage { at, lost, new });
+    proptest::collection::vec(one, 1..6)
+}
+
+fn damaged(text: &str, damages: &[Damage]) -> Vec<u8> {
+    let mut bytes = text.as_bytes().to_vec();
+    for Damage { at, lost, new } in damages {
+        let at = at % (bytes.len() + 1);
+        let end = (at + lost).min(bytes.len());
+        bytes.splice(at..end, new.iter().copied());
+    }
+    bytes
+}
+
+/// Feeds a decoder; `None` when the stream is of another kind.
+fn streamed(decoder: &mut impl Decoder, bytes: &[u8], size: usize) -> Option<(Vec<Record>, Skips)> {
+    let mut records = Vec::new();
+    for portion in bytes.chunks(size) {
+        decoder.feed(portion).ok()?;
+        records.extend(std::iter::from_fn(|| decoder.next_record()));
+    }
+    decoder.finish().ok()?;
+    records.extend(std::iter::from_fn(|| decoder.next_record()));
+    Some((records, decoder.skips().clone()))
+}
+
+fn in_bounds(observation: &Observation) -> bool {
+    observation.pseudorange_m.is_none_or(|p| (1e6..=1e9).contains(&p))
+        && observation.doppler_hz.is_none_or(|d| d.abs() <= 5e4)
+        && observation.cn0_dbhz.is_none_or(|c| (0.0..=70.0).contains(&c))
+        && observation.carrier_phase_cycles.is_none_or(f64::is_finite)
+}
+
+fn check_observations(bytes: &[u8], size: usize) {
+    let file = ObservationFile::parse(bytes).ok();
+    if let Some(file) = &file {
+        assert!(file.epochs.is_sorted_by(|a, b| a.time_gps < b.time_gps));
+        assert!(file.epochs.iter().flat_map(|e| &e.observations).all(in_bounds));
+    }
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        let whole = file.map(|f| (f.epochs.into_iter().map(Record::Epoch).collect(), f.skips));
+        assert_eq!(streamed(&mut ObservationDecoder::default(), bytes, size), whole);
+    }
+}
+
+fn finite_kepler(ephemeris: &KeplerEphemeris) -> bool {
+    let state = ephemeris.state(ephemeris.toe + 600.0);
+    state.position.is_finite() && state.velocity.is_finite() && state.clock_s.is_finite()
+}
+
+fn finite_glonass(ephemeris: &GlonassEphemeris) -> bool {
+    let state = ephemeris.state(ephemeris.toe + 600.0);
+    (2e7..3e7).contains(&state.position.0.norm()) && state.velocity.is_finite() && state.clock_s.abs() < 0.1
+}
+
+fn check_navigation(bytes: &[u8], size: usize) {
+    let file = NavigationFile::parse(bytes).ok();
+    if let Some(file) = &file {
+        assert!(file.ephemerides.iter().all(finite_kepler) && file.glonass.iter().all(finite_glonass));
+    }
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        let stream = streamed(&mut NavigationDecoder::default(), bytes, size);
+        let count = |f: NavigationFile| (f.ephemerides.len() + f.glonass.len(), f.skips);
+        assert_eq!(stream.map(|(records, skips)| (records.len(), skips)), file.map(count));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1_000) })]
+
+    #[test]
+    fn damaged_files_never_panic(damages in damages(), size in 1..300_usize) {
+        for text in OBSERVATION_TEXTS {
+            check_observations(&damaged(text, &damages), size);
+        }
+        for text in NAVIGATION_TEXTS {
+            check_navigation(&damaged(text, &damages), size);
+        }
+    }
+
+    #[test]
+    fn arbitrary_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..2_000)) {
+        for text in OBSERVATION_TEXTS {
+            check_observations(&[text.as_bytes(), &bytes].concat(), 64);
+        }
+        for text in NAVIGATION_TEXTS {
+            check_navigation(&[text.as_bytes(), &bytes].concat(), 64);
+        }
+    }
+}
+
+/// Damage at random seldom meets a number's sign or exponent; here every byte of a record is tried.
+#[test]
+fn every_single_byte_may_be_wrong() {
+    for text in NAVIGATION_TEXTS {
+        for at in 0..text.len() {
+            for new in [b'9', b'-', b'D', 0xff] {
+                check_navigation(&damaged(text, &[Damage { at, lost: 1, new: vec![new] }]), 1_000);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_line_of_a_million_columns_is_left_out() {
+    for text in OBSERVATION_TEXTS {
+        let (header, body) = text.split_once("END OF HEADER\n").unwrap();
+        let good = ObservationFile::parse(text.as_bytes()).unwrap();
+        let long = format!("{header}{}\n{:60}END OF HEADER\n{body}", "x".repeat(1_000_000), "");
+        let file = ObservationFile::parse(long.as_bytes()).unwrap();
+        assert_eq!(file.epochs, good.epochs);
+        assert_eq!(file.skips.count("line too long"), 1, "{MAX_LINE_BYTES}: {}", file.skips);
+    }
+}
+
+#[test]
+fn line_ends_may_be_mixed() {
+    for text in OBSERVATION_TEXTS {
+        let mixed: Vec<String> = text
+            .lines()
+            .enumerate()
+            .map(|(index, line)| format!("{line}{}", if index % 2 == 0 { "\r\n" } else { "\n" }))
+            .collect();
+        let (mixed, plain) = (mixed.concat(), text.as_bytes());
+        assert_eq!(ObservationFile::parse(mixed.as_bytes()).unwrap(), ObservationFile::parse(plain).unwrap());
+    }
+    for text in NAVIGATION_TEXTS {
+        let mixed = text.replace('\n', "\r\n");
+        let (mixed, plain) =
+            (NavigationFile::parse(mixed.as_bytes()), NavigationFile::parse(text.as_bytes()));
+        assert_eq!(mixed.unwrap().skips, plain.unwrap().skips);
+    }
+}
