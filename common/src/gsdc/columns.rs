@@ -103,17 +103,17 @@ impl Generation {
         }
     }
 
-    const fn optional(self) -> [&'static str; OPTIONAL] {
+    const fn optional(self) -> [Option<&'static str>; OPTIONAL] {
         match self {
-            Self::Derived2021 => ["", "", "", "", "", "", "rawPrUncM"],
+            Self::Derived2021 => [None, None, None, None, None, None, Some("rawPrUncM")],
             Self::Device2022 => [
-                "Cn0DbHz",
-                "PseudorangeRateMetersPerSecond",
-                "AccumulatedDeltaRangeMeters",
-                "AccumulatedDeltaRangeState",
-                "CarrierFrequencyHz",
-                "CodeType",
-                "RawPseudorangeUncertaintyMeters",
+                Some("Cn0DbHz"),
+                Some("PseudorangeRateMetersPerSecond"),
+                Some("AccumulatedDeltaRangeMeters"),
+                Some("AccumulatedDeltaRangeState"),
+                Some("CarrierFrequencyHz"),
+                Some("CodeType"),
+                Some("RawPseudorangeUncertaintyMeters"),
             ],
         }
     }
@@ -150,7 +150,7 @@ impl Columns {
         Ok(Self {
             generation,
             required: generation.required().map(|name| position(name).unwrap_or(usize::MAX)),
-            optional: generation.optional().map(position),
+            optional: generation.optional().map(|name| position(name?)),
         })
     }
 

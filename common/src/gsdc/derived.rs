@@ -23,8 +23,6 @@ pub struct DerivedObservation {
     pub observation: Observation,
     /// Carrier frequency, Hz, where it is known.
     pub frequency_hz: Option<f64>,
-    /// The phone's own standard deviation of the pseudorange, m.
-    pub pseudorange_sigma_m: Option<f64>,
     /// Satellite state and corrections as the table gives them; `None` where they are missing.
     pub given: Option<GivenCorrections>,
 }
@@ -115,10 +113,10 @@ impl DerivedDecoder {
 
 impl Table {
     fn line(&mut self, number: u64, line: &[u8], skips: &mut Skips) {
-        let fields = fields(line);
-        if fields.iter().all(|field| field.is_empty()) {
+        if line.iter().all(u8::is_ascii_whitespace) {
             return;
         }
+        let fields = fields(line);
         match &self.columns {
             None => self.columns = Some(Columns::find(&fields).map_err(|reason| WrongStream { reason })),
             Some(Ok(columns)) => match row::read(columns, &fields) {
@@ -126,6 +124,13 @@ impl Table {
                 Err(fault) => skips.add(fault.reason, || format!("line {number}: {}", fault.detail)),
             },
             Some(Err(_)) => {}
+        }
+    }
+
+    fn check_kind(&self) -> Result<(), WrongStream> {
+        match &self.columns {
+            Some(Err(wrong)) => Err(wrong.clone()),
+            _ => Ok(()),
         }
     }
 
@@ -190,30 +195,28 @@ impl Table {
 
 impl Decoder for DerivedDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
+        self.state.check_kind()?;
         let Self { lines, state, ready, skips } = self;
         lines.feed(bytes, skips, |number, line, skips| {
             state.line(number, line, skips);
             state.complete(false, ready);
         });
-        match &self.state.columns {
-            Some(Err(wrong)) => Err(wrong.clone()),
-            _ => Ok(()),
-        }
+        self.state.check_kind()
     }
 
     /// A last line without a line end may be cut short in its last number, and is dropped.
     fn finish(&mut self) -> Result<(), WrongStream> {
+        self.state.check_kind()?;
+        if self.state.columns.is_none() {
+            return Err(WrongStream { reason: "not a challenge table: no header line".to_owned() });
+        }
         if let Some((number, rest)) = self.lines.rest() {
             let length = rest.len();
             self.skips
                 .add("last line is cut off", || format!("line {number}: {length} bytes without a line end"));
         }
         self.state.complete(true, &mut self.ready);
-        match &self.state.columns {
-            Some(Ok(_)) => Ok(()),
-            Some(Err(wrong)) => Err(wrong.clone()),
-            None => Err(WrongStream { reason: "not a challenge table: no header line".to_owned() }),
-        }
+        Ok(())
     }
 
     fn next_record(&mut self) -> Option<Record> {

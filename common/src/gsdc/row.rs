@@ -27,9 +27,11 @@ const MAX_DOPPLER_HZ: f64 = 5e4;
 const MAX_TAG_ERROR_S: f64 = 0.1;
 /// A receiver clock that is still being set may be off by this much, s.
 const MAX_TAG_SHIFT_S: f64 = 2.0;
-/// Standard deviation of orbit and clock along the line of sight, m: broadcast ephemerides were used, whose accuracy the
-/// files do not carry (URA index 0 stands for up to 2.4 m).
-const ORBIT_SIGMA_M: f64 = 2.0;
+/// Standard deviation of orbit and clock along the line of sight, m. The files do not carry the broadcast accuracy; this is what
+/// GPS and Galileo reached in those years.
+const ORBIT_SIGMA_M: f64 = 0.5;
+/// Largest standard deviation of a pseudorange that a phone states, m, and the smallest that is believed.
+const CODE_SIGMA_BOUNDS_M: (f64, f64) = (0.1, 1e5);
 /// Highest time that a 64-bit count of nanoseconds since 1980 leaves room to calculate with.
 const MAX_NANOS: i64 = i64::MAX / 2;
 
@@ -121,7 +123,6 @@ pub(super) fn read(columns: &Columns, fields: &[&str]) -> Result<Row, Fault> {
     let derived = DerivedObservation {
         observation: observation(&fields, satellite, signal, pseudorange_m, frequency_hz),
         frequency_hz,
-        pseudorange_sigma_m: fields.optional(Optional::PseudorangeUncertainty).filter(|sigma| *sigma > 0.0),
         given,
     };
     Ok(Row { time_gps, shift_s, derived, lack })
@@ -168,6 +169,7 @@ fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
         VelocityX, VelocityY, VelocityZ,
     };
     let (low, high) = ORBIT_BOUNDS_M;
+    let (lowest, highest) = CODE_SIGMA_BOUNDS_M;
     let [x, y, z] = [PositionX, PositionY, PositionZ].map(|column| fields.symmetric(column, high));
     let position = Ecef::new(x?, y?, z?);
     let distance_m = position.0.norm();
@@ -188,6 +190,9 @@ fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
         atmosphere_m: fields.symmetric(Ionosphere, MAX_DELAY_M)?
             + fields.symmetric(Troposphere, MAX_DELAY_M)?,
         sigma_m: ORBIT_SIGMA_M,
+        code_sigma_m: fields
+            .optional(Optional::PseudorangeUncertainty)
+            .filter(|sigma| (lowest..=highest).contains(sigma)),
     })
 }
 

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::given::Stated;
 use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
 use crate::atmosphere::{
     STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
@@ -71,36 +72,17 @@ pub struct Corrector {
 /// An observation with its satellite's state: everything that does not depend on where the phone is.
 #[derive(Clone, Debug)]
 pub struct PreparedObservation {
-    observation: Observation,
-    frequency_hz: f64,
+    pub(super) observation: Observation,
+    pub(super) frequency_hz: f64,
     /// P + c·dT_s + group delay correction, m.
-    pseudorange_m: f64,
-    range_rate_mps: Option<f64>,
+    pub(super) pseudorange_m: f64,
+    pub(super) range_rate_mps: Option<f64>,
     /// Satellite at transmission, in the Earth-fixed frame of the transmission.
-    position: Ecef,
-    velocity: EcefVector,
-    extra_variance_m2: f64,
-    /// Ionosphere and troposphere together where the recording itself states them, m.
-    atmosphere_m: Option<f64>,
-}
-
-/// Satellite state and corrections that came with a recording, in place of those from products.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GivenCorrections {
-    /// Satellite at transmission, m, in the Earth-fixed frame of the *transmission*.
-    pub satellite_position: Ecef,
-    /// Its velocity in the same frame, m/s.
-    pub satellite_velocity: EcefVector,
-    /// Satellite clock offset, relativity and group delay included, m.
-    pub clock_m: f64,
-    /// Its drift, m/s.
-    pub clock_drift_mps: f64,
-    /// Receiver bias between signals, m; taken from the pseudorange.
-    pub receiver_bias_m: f64,
-    /// Ionospheric and tropospheric delay of this signal together, m.
-    pub atmosphere_m: f64,
-    /// Standard deviation of orbit and clock together along the line of sight, m.
-    pub sigma_m: f64,
+    pub(super) position: Ecef,
+    pub(super) velocity: EcefVector,
+    pub(super) extra_variance_m2: f64,
+    /// What the recording itself states.
+    pub(super) stated: Option<Stated>,
 }
 
 impl Corrector {
@@ -142,35 +124,8 @@ impl Corrector {
         prepared
     }
 
-    /// The same for an observation whose satellite state and corrections came with it. `frequency_hz` is the carrier's, where
-    /// it is known; only range rates need it. `None` without a pseudorange, and for a signal below the mask.
-    pub fn prepare_given(
-        &mut self,
-        observation: &Observation,
-        frequency_hz: Option<f64>,
-        time_gps: GpsTime,
-        given: &GivenCorrections,
-    ) -> Option<PreparedObservation> {
-        let pseudorange_m = observation.pseudorange_m?;
-        if self.is_weak(observation, time_gps) {
-            return None;
-        }
-        let range_rate =
-            |doppler_hz: f64| Some(-SPEED_OF_LIGHT_MPS / frequency_hz? * doppler_hz + given.clock_drift_mps);
-        Some(PreparedObservation {
-            observation: *observation,
-            frequency_hz: frequency_hz.unwrap_or(f64::NAN),
-            pseudorange_m: pseudorange_m + given.clock_m - given.receiver_bias_m,
-            range_rate_mps: observation.doppler_hz.and_then(range_rate),
-            position: given.satellite_position,
-            velocity: given.satellite_velocity,
-            extra_variance_m2: given.sigma_m.powi(2) + self.system_variance_m2(observation),
-            atmosphere_m: Some(given.atmosphere_m),
-        })
-    }
-
     /// Whether a signal is below the mask; counts it.
-    fn is_weak(&mut self, observation: &Observation, time_gps: GpsTime) -> bool {
+    pub(super) fn is_weak(&mut self, observation: &Observation, time_gps: GpsTime) -> bool {
         let weak = observation.cn0_dbhz.is_some_and(|cn0| cn0 < self.options.minimum_cn0_dbhz);
         if weak {
             self.skips.add("C/N0 below the mask", || {
@@ -181,7 +136,7 @@ impl Corrector {
     }
 
     /// What a system's clocks and group delays add to the variance, m².
-    fn system_variance_m2(&self, observation: &Observation) -> f64 {
+    pub(super) fn system_variance_m2(&self, observation: &Observation) -> f64 {
         self.options.system_bias_sigma_m(observation.satellite.constellation).powi(2)
     }
 
@@ -250,7 +205,7 @@ impl Corrector {
             extra_variance_m2: state.sigma_m.powi(2)
                 + self.system_variance_m2(observation)
                 + if group_delay_m.is_none() { unknown_m * unknown_m } else { 0.0 },
-            atmosphere_m: None,
+            stated: None,
         }
     }
 
@@ -374,14 +329,17 @@ impl View {
         seen: &Seen,
         products: &Products,
     ) -> CorrectedObservation {
-        let (ionosphere_m, troposphere_m) = match prepared.atmosphere_m {
-            Some(both_m) => (both_m, 0.0),
+        let (ionosphere_m, troposphere_m) = match prepared.stated {
+            Some(stated) => (stated.atmosphere_m, 0.0),
             None => self.atmosphere_m(prepared, seen.direction, products),
         };
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
         let StochasticModel { code, rate } = self.options.stochastic;
-        let variance = code.variance(cn0_dbhz, elevation_rad) + prepared.extra_variance_m2;
+        let stated_sigma_m = prepared.stated.and_then(|s| s.code_sigma_m).filter(|_| cn0_dbhz.is_none());
+        let code_m2 = stated_sigma_m
+            .map_or_else(|| code.variance(cn0_dbhz, elevation_rad), |sigma_m| sigma_m * sigma_m);
+        let variance = code_m2 + prepared.extra_variance_m2;
         seen.rotated.observation(
             prepared,
             seen.direction,

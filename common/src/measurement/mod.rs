@@ -1,11 +1,13 @@
 //! From raw to corrected observations: masks, corrections, stochastic models.
 
 mod correct;
+mod given;
 #[cfg(test)]
 pub(crate) mod sky;
 mod stochastic;
 
-pub use correct::{CorrectionOptions, Corrector, GivenCorrections, PreparedObservation, without_position};
+pub use correct::{CorrectionOptions, Corrector, PreparedObservation, without_position};
+pub use given::GivenCorrections;
 pub use stochastic::{StochasticModel, VarianceModel};
 
 use serde::{Deserialize, Serialize};

@@ -75,8 +75,18 @@ impl Assembler {
         [before, own]
     }
 
+    /// Gives out the epoch in work at the stream's end. Unless only time ends this stream's epochs, a message is missing.
+    pub(super) fn finish(&mut self, skips: &mut Skips) -> Option<ObservationEpoch> {
+        let epoch = self.close()?;
+        if self.trust_last {
+            skips
+                .add("last epoch lacks messages that were announced, kept", || format!("{}", epoch.time_gps));
+        }
+        Some(epoch)
+    }
+
     /// Gives out the epoch in work.
-    pub(super) fn close(&mut self) -> Option<ObservationEpoch> {
+    fn close(&mut self) -> Option<ObservationEpoch> {
         let epoch = self.pending.take()?;
         self.closed = Some(epoch.clone());
         Some(epoch).filter(|epoch| !epoch.observations.is_empty())

@@ -1,4 +1,4 @@
-//! Transport frames: preamble 0xD3, six reserved bits, ten bits of length, message, CRC-24Q (RTCM 10403.3, 4).
+//! Transport frames: preamble 0xD3, six reserved bits, ten bits of length, message, CRC-24Q (RTCM 10403.3, transport layer).
 //!
 //! A preamble may be line noise. When the checksum of what follows is wrong, only that one byte is passed over and the
 //! search goes on behind it, so that noise never swallows a frame.
@@ -64,7 +64,7 @@ impl Framer {
                 Look::Incomplete if !ended => return None,
                 Look::Incomplete => self.pass_over("frame cut off by the end of the stream", skips),
                 Look::BadChecksum => {
-                    self.pass_over("frame with a wrong checksum, or noise like a frame", skips)
+                    self.pass_over("frame with a wrong checksum, or noise like a frame", skips);
                 }
                 Look::NoPreamble => self.pass_over("byte outside any frame", skips),
             }
@@ -82,9 +82,8 @@ impl Framer {
 
 fn look(bytes: &[u8]) -> Look {
     match bytes {
-        [PREAMBLE] => Look::Incomplete,
         [PREAMBLE, reserved, ..] if reserved & 0b1111_1100 != 0 => Look::NoPreamble,
-        [PREAMBLE, _] => Look::Incomplete,
+        [PREAMBLE] | [PREAMBLE, _] => Look::Incomplete,
         [PREAMBLE, high, low, ..] => {
             let length = usize::from(*high) << 8 | usize::from(*low);
             let Some(frame) = bytes.get(..HEADER_BYTES + length + CHECKSUM_BYTES) else {
@@ -123,8 +122,9 @@ const CRC_TABLE: [u32; 256] = crc_table();
 /// Checksum of a frame.
 fn crc24q(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0, |crc: u32, byte| {
-        let index = (crc >> 16) as u8 ^ byte;
-        (crc << 8 & 0xff_ffff) ^ CRC_TABLE.get(usize::from(index)).copied().unwrap_or_default()
+        // Of the four bytes the first is always zero: the checksum has 24 bits.
+        let [_, high, _, _] = crc.to_be_bytes();
+        (crc << 8 & 0xff_ffff) ^ CRC_TABLE.get(usize::from(high ^ byte)).copied().unwrap_or_default()
     })
 }
 
@@ -132,7 +132,7 @@ fn crc24q(bytes: &[u8]) -> u32 {
 mod tests {
     use super::*;
 
-    /// The example frame of RTCM 10403.3, 4.2 (a 1005 message).
+    /// The example frame of RTCM 10403.3, transport layer (a 1005 message).
     const EXAMPLE: [u8; 25] = [
         0xd3, 0x00, 0x13, 0x3e, 0xd7, 0xd3, 0x02, 0x02, 0x98, 0x0e, 0xde, 0xef, 0x34, 0xb4, 0xbd, 0x62, 0xac,
         0x09, 0x41, 0x98, 0x6f, 0x33, 0x36, 0x0b, 0x98,

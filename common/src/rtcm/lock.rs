@@ -86,7 +86,7 @@ mod tests {
         assert_eq!(bounds(LockTime::coarse(0)), (0.0, 32.0));
         assert_eq!(bounds(LockTime::coarse(1)), (32.0, 64.0));
         assert_eq!(bounds(LockTime::coarse(15)), (524_288.0, f64::INFINITY));
-        // RTCM 10403.3, table 3.5-76
+        // RTCM 10403.3, table of DF407
         for (indicator, least) in [
             (0, 0.0),
             (63, 63.0),

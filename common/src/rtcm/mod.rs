@@ -74,9 +74,11 @@ pub struct RtcmDecoder {
 impl RtcmDecoder {
     /// A decoder at the beginning of a stream.
     pub fn new(options: RtcmOptions) -> Self {
+        // Before 1980 there is no GPS time; at the end of the counter there is no room left to calculate.
+        let near = options.near.clamp(GpsTime::default(), GpsTime::from_nanos(i64::MAX / 2));
         Self {
             framer: frame::Framer::default(),
-            clock: clock::StreamClock { near: options.near, leap_seconds: options.leap_seconds },
+            clock: clock::StreamClock { near, leap_seconds: options.leap_seconds },
             assembler: epoch::Assembler::default(),
             locks: lock::LockTimes::default(),
             glonass_channels: BTreeMap::new(),
@@ -96,20 +98,24 @@ impl RtcmDecoder {
         &self.glonass_channels
     }
 
-    fn drain(&mut self, ended: bool) -> Result<(), WrongStream> {
+    fn drain(&mut self, ended: bool) {
         while let Some(message) = self.framer.next(ended, MAX_BYTES_BEFORE_FIRST_FRAME, &mut self.skips) {
             self.message(&message);
         }
+    }
+
+    /// An error when too many bytes (at the end: any) have come without a frame.
+    fn check_kind(&self, ended: bool) -> Result<(), WrongStream> {
         let outside = self.framer.outside();
         let hopeless = outside >= MAX_BYTES_BEFORE_FIRST_FRAME || ended && outside > 0;
-        if self.framer.frames() == 0 && hopeless {
-            return Err(WrongStream {
-                reason: format!(
-                    "no RTCM 3 frame (0xD3, length, CRC-24Q) in the first {outside} bytes; give a raw RTCM 3 stream"
-                ),
-            });
+        if self.framer.frames() > 0 || !hopeless {
+            return Ok(());
         }
-        Ok(())
+        Err(WrongStream {
+            reason: format!(
+                "no RTCM 3 frame (0xD3, length, CRC-24Q) in the first {outside} bytes; give a raw RTCM 3 stream"
+            ),
+        })
     }
 
     fn message(&mut self, bytes: &[u8]) {
@@ -125,7 +131,7 @@ impl RtcmDecoder {
             (None, 1019 | 1042 | 1044..=1046) => self.ephemeris(bytes, number),
             (None, 1020) => self.glonass_ephemeris(bytes),
             _ => {
-                self.skips.add(&format!("message {number} is not read"), || format!("{} bytes", bytes.len()))
+                self.skips.add(&format!("message {number} is not read"), || format!("{} bytes", bytes.len()));
             }
         }
     }
@@ -258,7 +264,7 @@ fn is_same_issue(a: &KeplerEphemeris, b: &KeplerEphemeris) -> bool {
     known(a) == known(b)
 }
 
-/// System and resolution of a multiple signal message (RTCM 10403.3, table 3.5-77).
+/// System and resolution of a multiple signal message (RTCM 10403.3, list of messages).
 const fn msm_kind(number: u32) -> Option<(Constellation, msm::Level)> {
     let constellation = match number / 10 {
         107 => Constellation::Gps,
@@ -281,14 +287,16 @@ const fn msm_kind(number: u32) -> Option<(Constellation, msm::Level)> {
 
 impl Decoder for RtcmDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
+        self.check_kind(false)?;
         self.framer.push(bytes);
-        self.drain(false)
+        self.drain(false);
+        self.check_kind(false)
     }
 
     fn finish(&mut self) -> Result<(), WrongStream> {
-        let outcome = self.drain(true);
-        self.records.extend(self.assembler.close().map(Record::Epoch));
-        outcome
+        self.drain(true);
+        self.records.extend(self.assembler.finish(&mut self.skips).map(Record::Epoch));
+        self.check_kind(true)
     }
 
     fn next_record(&mut self) -> Option<Record> {

@@ -1,4 +1,4 @@
-//! Multiple signal messages MSM4 to MSM7 (RTCM 10403.3, 3.5.16): ranges, phases, rates, strengths by satellite and signal.
+//! Multiple signal messages MSM4 to MSM7 (RTCM 10403.3): ranges, phases, rates, strengths by satellite and signal.
 
 use super::bits::{Bits, TooShort};
 use super::clock::SentTime;

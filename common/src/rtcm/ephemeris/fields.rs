@@ -1,53 +1,31 @@
-//! Ephemeris messages 1019 (GPS), 1042 (BeiDou), 1044 (QZSS), 1045 and 1046 (Galileo F/NAV and I/NAV).
-//!
-//! RTCM 10403.3, tables 3.5-21, 3.5-92, 3.5-94, 3.5-95; the scale factors are those of the systems' own documents.
+//! The fields of the ephemeris messages, in their order.
 
 use std::f64::consts::PI;
 
-use super::bits::{Bits, TooShort};
+use super::super::bits::{Bits, TooShort};
 use crate::gnss::{Constellation, SatelliteId};
-use crate::orbit::{KeplerEphemeris, NavigationMessage};
-use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, GpsTime, SECONDS_PER_WEEK};
+use crate::orbit::NavigationMessage;
 
-/// Galileo week 0 is GPS week 1024.
-const GALILEO_WEEK_OFFSET: i64 = 1024;
 /// Accuracy assumed where the message gives no prediction, m.
 const UNKNOWN_ACCURACY_M: f64 = 10.0;
-/// Clock reference and orbit reference are never farther apart than this, s.
-const MAX_TOE_TOC_S: f64 = 86_400.0;
-
-/// Why a message gives no ephemeris.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Fault {
-    /// It ends too early.
-    TooShort,
-    /// A value that cannot be: what, and its limits.
-    Impossible(String),
-}
-
-impl From<TooShort> for Fault {
-    fn from(_: TooShort) -> Self {
-        Self::TooShort
-    }
-}
 
 /// The fields that all five messages have in this order, from C_rs to Ω̇.
-struct Orbit {
-    crs_m: f64,
-    delta_n_radps: f64,
-    m0_rad: f64,
-    cuc_rad: f64,
-    eccentricity: f64,
-    cus_rad: f64,
-    sqrt_a: f64,
-    toe_s: f64,
-    cic_rad: f64,
-    omega0_rad: f64,
-    cis_rad: f64,
-    i0_rad: f64,
-    crc_m: f64,
-    omega_rad: f64,
-    omega_dot_radps: f64,
+pub(super) struct Orbit {
+    pub(super) crs_m: f64,
+    pub(super) delta_n_radps: f64,
+    pub(super) m0_rad: f64,
+    pub(super) cuc_rad: f64,
+    pub(super) eccentricity: f64,
+    pub(super) cus_rad: f64,
+    pub(super) sqrt_a: f64,
+    pub(super) toe_s: f64,
+    pub(super) cic_rad: f64,
+    pub(super) omega0_rad: f64,
+    pub(super) cis_rad: f64,
+    pub(super) i0_rad: f64,
+    pub(super) crc_m: f64,
+    pub(super) omega_rad: f64,
+    pub(super) omega_dot_radps: f64,
 }
 
 /// Widths and scale factors in which the systems differ.
@@ -103,34 +81,22 @@ impl Orbit {
 }
 
 /// The fields around the orbit.
-struct Rest {
-    satellite: SatelliteId,
-    message: NavigationMessage,
+pub(super) struct Rest {
+    pub(super) satellite: SatelliteId,
+    pub(super) message: NavigationMessage,
     /// As sent, and how many weeks until the number repeats.
-    week: (u32, i64),
-    i_dot_radps: f64,
-    toc_s: f64,
-    clock: (f64, f64, f64),
-    group_delays_s: (f64, f64),
-    accuracy_m: f64,
-    health: u32,
-    issue_of_data: u32,
+    pub(super) week: (u32, i64),
+    pub(super) i_dot_radps: f64,
+    pub(super) toc_s: f64,
+    pub(super) clock: (f64, f64, f64),
+    pub(super) group_delays_s: (f64, f64),
+    pub(super) accuracy_m: f64,
+    pub(super) health: u32,
+    pub(super) issue_of_data: u32,
 }
 
-/// Decodes an ephemeris message by its number. `now` is where the stream is in time, to complete week numbers.
-pub(super) fn decode(bytes: &[u8], number: u32, now: GpsTime) -> Result<KeplerEphemeris, Fault> {
-    let mut bits = Bits::new(bytes);
-    bits.skip(12);
-    let (rest, orbit) = match number {
-        1019 => gps(&mut bits)?,
-        1042 => beidou(&mut bits)?,
-        1044 => qzss(&mut bits)?,
-        _ => galileo(&mut bits, number == 1046)?,
-    };
-    assemble(&rest, &orbit, now)
-}
-
-fn gps(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
+/// Message 1019.
+pub(super) fn gps(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     let widths = widths(Constellation::Gps);
     let satellite = satellite(bits, 6, Constellation::Gps)?;
     let week = (bits.unsigned(10)?, 1024);
@@ -159,7 +125,8 @@ fn gps(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     Ok((rest, orbit))
 }
 
-fn qzss(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
+/// Message 1044.
+pub(super) fn qzss(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     let widths = widths(Constellation::Qzss);
     let satellite = satellite(bits, 4, Constellation::Qzss)?;
     let (toc_s, clock) = lnav_clock(bits, &widths)?;
@@ -196,7 +163,8 @@ fn lnav_clock(bits: &mut Bits<'_>, widths: &Widths) -> Result<(f64, (f64, f64, f
     Ok((toc_s, (bias, drift, rate)))
 }
 
-fn beidou(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
+/// Message 1042.
+pub(super) fn beidou(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     let widths = widths(Constellation::Beidou);
     let satellite = satellite(bits, 6, Constellation::Beidou)?;
     let week = (bits.unsigned(13)?, 8192);
@@ -227,7 +195,8 @@ fn beidou(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     Ok((rest, orbit))
 }
 
-fn galileo(bits: &mut Bits<'_>, inav: bool) -> Result<(Rest, Orbit), TooShort> {
+/// Message 1046 (I/NAV) or 1045 (F/NAV).
+pub(super) fn galileo(bits: &mut Bits<'_>, inav: bool) -> Result<(Rest, Orbit), TooShort> {
     let widths = widths(Constellation::Galileo);
     let satellite = satellite(bits, 6, Constellation::Galileo)?;
     let week = (bits.unsigned(12)?, 4096);
@@ -289,7 +258,7 @@ fn ura_m(index: u32) -> f64 {
     }
 }
 
-/// Signal-in-space accuracy of an index (Galileo OS SIS ICD, table 89), m.
+/// Signal-in-space accuracy of an index (Galileo OS SIS ICD, SISA), m.
 fn sisa_m(index: u32) -> f64 {
     let above = |start: u32, base: f64, step: f64| base + step * f64::from(index - start);
     match index {
@@ -299,72 +268,4 @@ fn sisa_m(index: u32) -> f64 {
         100..=125 => above(100, 2.0, 0.16),
         _ => UNKNOWN_ACCURACY_M,
     }
-}
-
-fn assemble(rest: &Rest, orbit: &Orbit, now: GpsTime) -> Result<KeplerEphemeris, Fault> {
-    within("satellite number", f64::from(rest.satellite.number), 1.0, 63.0)?;
-    within("sqrt(A)", orbit.sqrt_a, 4e3, 8e3)?;
-    within("eccentricity", orbit.eccentricity, 0.0, 0.499)?;
-    within("toe", orbit.toe_s, 0.0, SECONDS_PER_WEEK - 1.0)?;
-    within("toc", rest.toc_s, 0.0, SECONDS_PER_WEEK - 1.0)?;
-    let (toe, toc) = references(rest, orbit.toe_s, now)?;
-    Ok(KeplerEphemeris {
-        satellite: rest.satellite,
-        message: rest.message,
-        toe,
-        toe_own_tow_s: orbit.toe_s,
-        toc,
-        sqrt_a: orbit.sqrt_a,
-        eccentricity: orbit.eccentricity,
-        i0_rad: orbit.i0_rad,
-        i_dot_radps: rest.i_dot_radps,
-        omega0_rad: orbit.omega0_rad,
-        omega_dot_radps: orbit.omega_dot_radps,
-        omega_rad: orbit.omega_rad,
-        m0_rad: orbit.m0_rad,
-        delta_n_radps: orbit.delta_n_radps,
-        cuc_cus_rad: (orbit.cuc_rad, orbit.cus_rad),
-        crc_crs_m: (orbit.crc_m, orbit.crs_m),
-        cic_cis_rad: (orbit.cic_rad, orbit.cis_rad),
-        clock: rest.clock,
-        group_delays_s: rest.group_delays_s,
-        accuracy_m: rest.accuracy_m,
-        health: f64::from(rest.health),
-        issue_of_data: rest.issue_of_data,
-    })
-}
-
-fn within(name: &str, value: f64, low: f64, high: f64) -> Result<(), Fault> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(Fault::Impossible(format!("{name} = {value:e}, limits {low:e} to {high:e}")))
-}
-
-/// Reference times of orbit and clock. The week as sent is that of the transmission, so next to a week's end the reference
-/// may lie in the other week; the stream's own time decides, and the clock's reference goes with the orbit's.
-fn references(rest: &Rest, toe_s: f64, now: GpsTime) -> Result<(GpsTime, GpsTime), Fault> {
-    let (offset, behind_s) = match rest.satellite.constellation {
-        Constellation::Beidou => (BEIDOU_WEEK_OFFSET, BEIDOU_BEHIND_GPS_S),
-        Constellation::Galileo => (GALILEO_WEEK_OFFSET, 0.0),
-        _ => (0, 0.0),
-    };
-    let (sent, period) = rest.week;
-    let shortened = i64::from(sent) + offset;
-    let periods = (now.week() - shortened + period / 2).div_euclid(period);
-    let week = shortened + periods * period;
-    let as_sent = GpsTime::from_week_tow(week, toe_s + behind_s);
-    let toe = [0.0, -SECONDS_PER_WEEK, SECONDS_PER_WEEK]
-        .into_iter()
-        .map(|shift| as_sent + shift)
-        .find(|toe| (*toe - now).abs() <= SECONDS_PER_WEEK / 2.0)
-        .unwrap_or(as_sent);
-    let same_week = toe + (rest.toc_s - toe_s);
-    let toc = same_week + ((toe - same_week) / SECONDS_PER_WEEK).round() * SECONDS_PER_WEEK;
-    if (toe - toc).abs() > MAX_TOE_TOC_S {
-        return Err(Fault::Impossible(format!(
-            "toe {toe} and toc {toc} are more than {MAX_TOE_TOC_S} s apart"
-        )));
-    }
-    Ok((toe, toc))
 }

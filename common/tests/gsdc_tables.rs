@@ -1,0 +1,380 @@
+//! Challenge tables written here: both generations, and what can be wrong with them.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
+use cofix_common::decode::{Decoder, Record};
+use cofix_common::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
+use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch, DerivedFile, ground_truth};
+use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};
+use cofix_common::orbit::Products;
+use cofix_common::solve::solve_position;
+use cofix_common::time::GpsTime;
+use proptest::prelude::*;
+
+const HEADER_2021: &str = ",collectionName,phoneName,millisSinceGpsEpoch,constellationType,svid,signalType,\
+    receivedSvTimeInGpsNanos,xSatPosM,ySatPosM,zSatPosM,xSatVelMps,ySatVelMps,zSatVelMps,satClkBiasM,satClkDriftMps,\
+    rawPrM,rawPrUncM,isrbM,ionoDelayM,tropoDelayM\n";
+
+const HEADER_2022: &str = "MessageType,utcTimeMillis,ConstellationType,Svid,Cn0DbHz,PseudorangeRateMetersPerSecond,\
+    AccumulatedDeltaRangeState,AccumulatedDeltaRangeMeters,CarrierFrequencyHz,CodeType,ArrivalTimeNanosSinceGpsEpoch,\
+    RawPseudorangeMeters,RawPseudorangeUncertaintyMeters,SignalType,ReceivedSvTimeNanosSinceGpsEpoch,\
+    SvPositionXEcefMeters,SvPositionYEcefMeters,SvPositionZEcefMeters,SvVelocityXEcefMetersPerSecond,\
+    SvVelocityYEcefMetersPerSecond,SvVelocityZEcefMetersPerSecond,SvClockBiasMeters,SvClockDriftMetersPerSecond,\
+    IsrbMeters,IonosphericDelayMeters,TroposphericDelayMeters\n";
+
+const START_MS: i64 = 1_273_529_463_442;
+const CLOCK_M: f64 = 1_000.0;
+const SATELLITE_CLOCK_M: f64 = -3_793.067;
+const BIAS_M: f64 = 12.5;
+const IONOSPHERE_M: f64 = 7.5;
+const TROPOSPHERE_M: f64 = 5.25;
+
+fn site() -> Ecef {
+    Geodetic::from_degrees(37.42, -122.09, 10.0).geodetic_to_ecef()
+}
+
+/// A satellite of the sky at transmission, and the raw pseudorange at the site.
+#[derive(Clone, Copy)]
+struct Sat {
+    number: u32,
+    position: Ecef,
+    velocity: EcefVector,
+    pseudorange_m: f64,
+    rate_mps: f64,
+}
+
+fn sky() -> Vec<Sat> {
+    let frame = LocalFrame::at(site());
+    [(10.0, 70.0), (60.0, 20.0), (130.0, 45.0), (200.0, 30.0), (280.0, 55.0), (330.0, 15.0)]
+        .into_iter()
+        .zip(1..)
+        .map(|((azimuth_deg, elevation_deg), number): ((f64, f64), u32)| {
+            let (azimuth, elevation) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
+            let range_m = 22.0e6;
+            let up = range_m * elevation.sin();
+            let flat = range_m * elevation.cos();
+            let seen = frame.enu_to_ecef(Enu { east: flat * azimuth.sin(), north: flat * azimuth.cos(), up });
+            // Back into the frame of the transmission: the Earth turned while the signal travelled.
+            let (sin, cos) = (EARTH_ROTATION_RADPS * range_m / SPEED_OF_LIGHT_MPS).sin_cos();
+            let p = seen.0;
+            let position = Ecef::new(cos * p.x - sin * p.y, cos * p.y + sin * p.x, p.z);
+            let pseudorange_m = range_m + CLOCK_M - SATELLITE_CLOCK_M + BIAS_M + IONOSPHERE_M + TROPOSPHERE_M;
+            Sat {
+                number,
+                position,
+                velocity: EcefVector::new(100.0, -200.0, 300.0),
+                pseudorange_m,
+                rate_mps: 50.0,
+            }
+        })
+        .collect()
+}
+
+fn transmission_ns(arrival_ms: i64, sat: &Sat) -> i64 {
+    #[allow(clippy::cast_possible_truncation)] // below 0.1 s
+    let travel_ns = (sat.pseudorange_m / SPEED_OF_LIGHT_MPS * 1e9).round() as i64;
+    arrival_ms * 1_000_000 - travel_ns
+}
+
+fn row_2021(time_ms: i64, sat: &Sat) -> String {
+    let (p, v) = (sat.position.0, sat.velocity.0);
+    format!(
+        "0,2020-05-14-US-MTV-1,Pixel4,{time_ms},1,{},GPS_L1,{},{:.4},{:.4},{:.4},{},{},{},{SATELLITE_CLOCK_M},0.001,{:.4},3.0,{BIAS_M},\
+         {IONOSPHERE_M},{TROPOSPHERE_M}\n",
+        sat.number,
+        transmission_ns(time_ms, sat),
+        p.x,
+        p.y,
+        p.z,
+        v.x,
+        v.y,
+        v.z,
+        sat.pseudorange_m
+    )
+}
+
+fn row_2022(time_ms: i64, sat: &Sat, state: u32, orbit: bool) -> String {
+    let (p, v) = (sat.position.0, sat.velocity.0);
+    let orbit = if orbit {
+        format!(
+            "{:.4},{:.4},{:.4},{},{},{},{SATELLITE_CLOCK_M},0.001,{BIAS_M},{IONOSPHERE_M},{TROPOSPHERE_M}",
+            p.x, p.y, p.z, v.x, v.y, v.z
+        )
+    } else {
+        ",,,,,,,,,,".to_owned()
+    };
+    format!(
+        "Raw,{},1,{},38.5,{},{state},-1000.0,1575420030.0,C,{},{:.4},3.0,GPS_L1_CA,{},{orbit}\n",
+        time_ms + 315_964_800_000 - 18_000,
+        sat.number,
+        sat.rate_mps,
+        time_ms * 1_000_000,
+        sat.pseudorange_m,
+        transmission_ns(time_ms, sat)
+    )
+}
+
+fn table_2021(epochs: i64) -> String {
+    let rows =
+        (0..epochs).flat_map(|i| sky().into_iter().map(move |sat| row_2021(START_MS + i * 1_000, &sat)));
+    rows.fold(HEADER_2021.to_owned(), |table, row| table + &row)
+}
+
+fn solve(epoch: &DerivedEpoch) -> Ecef {
+    let mut corrector = Corrector::new(Arc::new(Products::default()), CorrectionOptions::default());
+    let prepared = epoch.prepare(&mut corrector);
+    let rough = solve_position(&without_position(&prepared), Ecef::new(0.0, 0.0, 0.0)).unwrap().position();
+    let corrected = corrector.finish(&prepared, rough, epoch.time_gps);
+    solve_position(&corrected, rough).unwrap().position()
+}
+
+#[test]
+fn a_table_of_2021_gives_the_position() {
+    let file = DerivedFile::parse(table_2021(3).as_bytes()).unwrap();
+    assert!(file.skips.is_empty(), "{}", file.skips);
+    assert_eq!(file.epochs.len(), 3);
+    assert_eq!(file.epochs[1].time_gps, GpsTime::from_nanos((START_MS + 1_000) * 1_000_000));
+    for epoch in &file.epochs {
+        let error_m = solve(epoch).distance_m(site());
+        assert!(error_m < 0.01, "{error_m} m");
+    }
+    let raw = file.epochs[0].to_observations();
+    assert_eq!(raw.observations[0].satellite.to_string(), "G01");
+    assert_eq!(raw.observations[0].cn0_dbhz, None);
+    assert_eq!(raw.observations[0].doppler_hz, None);
+}
+
+#[test]
+fn the_phones_own_uncertainty_weighs_where_no_strength_was_recorded() {
+    let file = DerivedFile::parse(table_2021(1).as_bytes()).unwrap();
+    let mut corrector = Corrector::new(Arc::new(Products::default()), CorrectionOptions::default());
+    let prepared = file.epochs[0].prepare(&mut corrector);
+    let corrected = corrector.finish(&prepared, site(), file.epochs[0].time_gps);
+    assert_eq!(corrected.len(), 6);
+    assert!(corrected.iter().all(|o| (o.pseudorange_sigma_m - 3.0_f64.hypot(0.5)).abs() < 1e-9));
+}
+
+#[test]
+fn a_table_since_2022_gives_position_rates_and_phases() {
+    let sky = sky();
+    let mut table = HEADER_2022.to_owned();
+    for (sat, state) in sky.iter().zip([1, 1 | 4, 1 | 2, 1 | 16, 1 | 8 | 16, 0]) {
+        table += &row_2022(START_MS, sat, state, true);
+    }
+    table += &row_2022(START_MS, &Sat { number: 20, ..sky[0] }, 1, false);
+    let file = DerivedFile::parse(table.as_bytes()).unwrap();
+    let [epoch] = file.epochs.as_slice() else { panic!("{}", file.skips) };
+    assert_eq!(
+        (file.skips.total(), file.skips.count("no corrections in the row, raw observation kept")),
+        (1, 1)
+    );
+    assert!(solve(epoch).distance_m(site()) < 0.01);
+    let raw = epoch.to_observations();
+    assert_eq!(raw.observations.len(), 7);
+    let frequency = 1_575.42e6;
+    let first = raw.observations[0];
+    assert!((first.doppler_hz.unwrap() + 50.0 * frequency / SPEED_OF_LIGHT_MPS).abs() < 1e-9);
+    assert!((first.carrier_phase_cycles.unwrap() + 1_000.0 * frequency / SPEED_OF_LIGHT_MPS).abs() < 1e-6);
+    assert_eq!(first.cn0_dbhz, Some(38.5));
+    let flags: Vec<_> =
+        raw.observations.iter().map(|o| (o.loss_of_lock.cycle_slip, o.loss_of_lock.half_cycle)).collect();
+    assert_eq!(
+        flags[..6],
+        [(false, false), (true, false), (true, false), (false, true), (false, false), (false, false)]
+    );
+    assert_eq!(raw.observations[5].carrier_phase_cycles, None);
+    let mut corrector = Corrector::new(Arc::new(Products::default()), CorrectionOptions::default());
+    let prepared = epoch.prepare(&mut corrector);
+    let corrected = corrector.finish(&prepared, site(), epoch.time_gps);
+    assert_eq!(corrected.len(), 6, "only those with corrections");
+    assert!((corrected[0].range_rate.unwrap().range_rate_mps - 50.001).abs() < 1e-9);
+}
+
+#[test]
+fn missing_columns_are_named() {
+    let table = table_2021(1).replacen("satClkBiasM", "something", 1).replacen("isrbM", "", 1);
+    let error = DerivedFile::parse(table.as_bytes()).unwrap_err().to_string();
+    assert!(error.contains("2021") && error.contains("satClkBiasM, isrbM"), "{error}");
+    let error = DerivedFile::parse(HEADER_2022.replacen("Svid,", "", 1).as_bytes()).unwrap_err().to_string();
+    assert!(error.contains("2022") && error.contains("Svid"), "{error}");
+    for other in ["", "a,b,c\n1,2,3\n", "\u{1f}\u{8b}\n", "no line end"] {
+        assert!(DerivedFile::parse(other.as_bytes()).is_err(), "{other:?}");
+    }
+}
+
+#[test]
+fn bad_rows_are_counted_and_the_good_ones_used() {
+    let sky = sky();
+    let good = row_2021(START_MS, &sky[0]);
+    let other = row_2021(START_MS, &sky[1]);
+    for (bad, reason) in [
+        (other.replace(&format!("{:.4}", sky[1].pseudorange_m), "nan"), "value missing or not a number"),
+        (other.replace(&format!("{:.4}", sky[1].pseudorange_m), "12.0"), "impossible value"),
+        (other.replace(&format!("{START_MS}"), "soon"), "time missing or impossible"),
+        (
+            other.replace(&format!("{START_MS}"), &format!("{}", START_MS + 60_000)),
+            "epoch contradicts transmission and pseudorange",
+        ),
+        (other.replace("Pixel4,", "Pixel4,,"), "satellite that is not used"),
+        (other.replace(",1,2,GPS_L1", ",2,131,SBS_L1"), "satellite that is not used"),
+        (other.replace("GPS_L1", "GPS_L9"), "signal that is not used"),
+        (other.replace("-3793.067", "inf"), "no corrections in the row, raw observation kept"),
+        (other.replace("-3793.067", ""), "no corrections in the row, raw observation kept"),
+        (good.clone(), "signal twice in one epoch"),
+        ("x".repeat(70_000) + "\n", "line too long"),
+        (",".repeat(60_000) + "1\n", "time missing or impossible"),
+        (other.chars().take(40).collect::<String>() + "\n", "satellite that is not used"),
+        (other.trim_end().to_owned(), "last line is cut off"),
+    ] {
+        let bytes = format!("{HEADER_2021}{good}{bad}");
+        let file = DerivedFile::parse(bytes.as_bytes()).unwrap();
+        let expected = if reason == "time missing or impossible" && bad.starts_with(',') {
+            "satellite that is not used"
+        } else {
+            reason
+        };
+        assert_eq!((file.skips.count(expected), file.skips.total()), (1, 1), "{reason}: {}", file.skips);
+        assert_eq!(file.epochs[0].observations[0].observation.satellite.to_string(), "G01");
+    }
+}
+
+#[test]
+fn mixed_line_ends_invalid_text_and_blank_lines_cost_nothing_else() {
+    let table = table_2021(2).replace('\n', "\r\n").replacen("\r\n", "\n\r\n\n", 2);
+    let file = DerivedFile::parse(table.as_bytes()).unwrap();
+    assert_eq!((file.epochs.len(), file.skips.total()), (2, 0), "{}", file.skips);
+    let mut bytes = table_2021(1).into_bytes();
+    bytes.extend_from_slice(&[0xff, 0xfe, b',', 0x80, b'\n']);
+    let file = DerivedFile::parse(&bytes).unwrap();
+    assert_eq!((file.epochs.len(), file.skips.total()), (1, 1), "{}", file.skips);
+}
+
+#[test]
+fn epochs_need_not_be_in_order_within_a_minute() {
+    let row = |second: i64, sat: usize| row_2021(START_MS + second * 1_000, &sky()[sat]);
+    let table = [row(2, 0), row(0, 0), row(1, 0), row(2, 1), row(100, 0), row(1, 1), row(101, 0)].concat();
+    let file = DerivedFile::parse(format!("{HEADER_2021}{table}").as_bytes()).unwrap();
+    let times: Vec<_> = file.epochs.iter().map(|e| e.time_gps.nanos() / 1_000_000 - START_MS).collect();
+    assert_eq!(times, [0, 1_000, 2_000, 100_000, 101_000]);
+    assert_eq!(file.epochs[2].observations.len(), 2);
+    assert_eq!(
+        (file.skips.total(), file.skips.count("row out of the order of time")),
+        (1, 1),
+        "{}",
+        file.skips
+    );
+    // One wrong date does not close all epochs before it.
+    let table = [row(0, 0), row(100_000_000, 0), row(1, 0), row(2, 0)].concat();
+    let file = DerivedFile::parse(format!("{HEADER_2021}{table}").as_bytes()).unwrap();
+    assert_eq!(file.epochs.len(), 3);
+}
+
+/// The tables of 2021 carry the time of the next epoch.
+#[test]
+fn epochs_a_second_late_are_set_right() {
+    let sat = sky()[0];
+    let late = row_2021(START_MS, &sat).replacen(&START_MS.to_string(), &(START_MS + 1_000).to_string(), 1);
+    let file = DerivedFile::parse(format!("{HEADER_2021}{late}").as_bytes()).unwrap();
+    assert_eq!(file.epochs[0].time_gps, GpsTime::from_nanos(START_MS * 1_000_000));
+    assert_eq!(file.skips.count("epoch corrected by whole seconds, row used"), 1, "{}", file.skips);
+}
+
+#[test]
+fn truths_of_both_generations() {
+    let mut old = "collectionName,phoneName,millisSinceGpsEpoch,latDeg,lngDeg,heightAboveWgs84EllipsoidM,\
+                   timeSinceFirstFixSeconds,hDop,vDop,speedMps,courseDegree\n"
+        .to_owned();
+    let mut new =
+        "MessageType,Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,SpeedMps,AccuracyMeters,\
+                   BearingDegrees,UnixTimeMillis\n"
+            .to_owned();
+    for i in 0..3_i64 {
+        let (time_ms, latitude) = (START_MS + i * 1_000, 37.42 + i as f64 * 1e-4);
+        writeln!(old, "x,Pixel4,{time_ms},{latitude},-122.09,71.0,551.4,1.1,0,11.1,0.0").unwrap();
+        writeln!(new, "Fix,GT,{latitude},-122.09,10.0,11.1,0.1,0.0,{}", time_ms + 315_964_800_000 - 18_000)
+            .unwrap();
+    }
+    writeln!(old, "x,Pixel4,later,37,-122.09,71.0,551.4,1.1,0,11.1,0.0").unwrap();
+    writeln!(new, "Fix,GT,137,-122.09,10.0,11.1,0.1,0.0,1600000000000").unwrap();
+    for text in [old, new] {
+        let (truth, skips) = ground_truth(text.as_bytes()).unwrap();
+        assert_eq!(skips.total(), 1, "{skips}");
+        assert_eq!(truth.times(&[1]).count(), 3);
+        let start = GpsTime::from_nanos(START_MS * 1_000_000);
+        let first = truth.at(start, &[1]).unwrap();
+        assert!(first.position.distance_m(site()) < 1e-3);
+        let middle = LocalFrame::at(site()).ecef_to_enu(truth.at(start + 0.5, &[1]).unwrap().position);
+        assert!((middle.north - 5.55).abs() < 0.05 && middle.east.abs() < 1e-3, "{middle:?}");
+    }
+    assert!(ground_truth(b"latDeg,lngDeg\n1,2\n").unwrap_err().to_string().contains("millisSinceGpsEpoch"));
+    assert!(ground_truth(b"").is_err());
+}
+
+fn decode(portions: &[&[u8]]) -> (Vec<Record>, String) {
+    let mut decoder = DerivedDecoder::default();
+    let mut records = Vec::new();
+    for portion in portions {
+        if decoder.feed(portion).is_err() {
+            break;
+        }
+        records.extend(std::iter::from_fn(|| decoder.next_record()));
+    }
+    let _ = decoder.finish();
+    records.extend(std::iter::from_fn(|| decoder.next_record()));
+    (records, decoder.skips().to_string())
+}
+
+#[test]
+fn epochs_come_out_while_the_stream_goes_on() {
+    let mut decoder = DerivedDecoder::default();
+    decoder.feed(table_2021(100).as_bytes()).unwrap();
+    let early = std::iter::from_fn(|| decoder.next_epoch()).count();
+    assert_eq!(early, 39, "all that are more than a minute behind");
+    decoder.finish().unwrap();
+    assert_eq!(early + std::iter::from_fn(|| decoder.next_epoch()).count(), 100);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
+
+    #[test]
+    fn damaged_tables_never_panic_and_portions_do_not_matter(
+        damages in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..4_u8), 0..8),
+        size in 1..400_usize,
+        newer: bool,
+    ) {
+        let mut table = if newer {
+            sky().iter().fold(HEADER_2022.to_owned(), |t, sat| t + &row_2022(START_MS, sat, 1, true)).into_bytes()
+        } else {
+            table_2021(2).into_bytes()
+        };
+        for (at, value, kind) in damages {
+            let at = at.index(table.len());
+            match kind {
+                0 => table[at] ^= value,
+                1 => table.insert(at, value),
+                2 => table.insert(at, b"0123456789.,-e\n"[usize::from(value) % 15]),
+                _ => table.truncate(at.max(1)),
+            }
+        }
+        let whole = decode(&[&table]);
+        let portions: Vec<&[u8]> = table.chunks(size).collect();
+        prop_assert_eq!(decode(&portions), whole);
+        if let Ok(file) = DerivedFile::parse(&table) {
+            prop_assert!(file.epochs.is_sorted_by(|a, b| a.time_gps < b.time_gps));
+            let mut corrector = Corrector::new(Arc::new(Products::default()), CorrectionOptions::default());
+            for epoch in &file.epochs {
+                let prepared = epoch.prepare(&mut corrector);
+                for o in corrector.finish(&prepared, site(), epoch.time_gps) {
+                    prop_assert!(o.pseudorange_m.is_finite() && o.pseudorange_sigma_m > 0.0);
+                    prop_assert!(o.satellite_position.is_finite() && o.satellite_velocity.is_finite());
+                }
+            }
+        }
+        let _ = ground_truth(&table);
+    }
+}
