@@ -125,22 +125,30 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
     }
 }
 
+/// A file that cannot be used does not keep the others from being shown; the exit code tells.
 fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
-    let stop = Stop::default();
-    let mut out = std::io::stdout().lock();
     let mut inspections = Vec::new();
+    let mut failed = 0;
     for path in &arguments.files {
-        let inspection = cofix_agent::inspect::inspect(path, arguments.date, &stop)?;
-        if arguments.json {
-            inspections.push(inspection);
-        } else {
-            write!(out, "{inspection}")?;
+        match cofix_agent::inspect::inspect(path, arguments.date, &Stop::default()) {
+            Ok(inspection) => inspections.push(inspection),
+            Err(error) => {
+                failed += 1;
+                tracing::error!("{error}");
+            }
         }
     }
-    if arguments.json {
-        serde_json::to_writer_pretty(&mut out, &inspections)?;
-        writeln!(out)?;
+    let text = if arguments.json {
+        serde_json::to_string_pretty(&inspections)? + "\n"
+    } else {
+        inspections.iter().map(ToString::to_string).collect()
+    };
+    match std::io::stdout().write_all(text.as_bytes()) {
+        // Whoever reads may have had enough.
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => return Err(error.into()),
+        _ => {}
     }
+    anyhow::ensure!(failed == 0, "{failed} of {} files cannot be used", arguments.files.len());
     Ok(())
 }
 

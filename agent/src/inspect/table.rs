@@ -73,6 +73,9 @@ impl Inspection {
     }
 
     fn clock(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(drift_mps) = self.clock_jumps.drift_mps {
+            writeln!(f, "  clock drift {drift_mps:.1} m/s of pseudoranges against Doppler, in the median")?;
+        }
         if self.clock_jumps.count == 0 {
             return writeln!(f, "  clock jumps none");
         }
