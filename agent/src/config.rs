@@ -56,7 +56,12 @@ pub enum Source {
         near: GpsTime,
     },
     /// Bytes as they come. Epochs are published at once, whatever [`AgentConfig::speed`] says.
-    Live(LiveSource),
+    Live {
+        /// Where they come from.
+        from: LiveSource,
+        /// As of [`Source::DatedFile`]; without it the computer's clock tells.
+        near: Option<GpsTime>,
+    },
     /// Epochs in memory, in order of time: a simulated phone.
     Epochs(Arc<Vec<ObservationEpoch>>),
 }

@@ -77,9 +77,9 @@ struct Publish {
     /// File that is being written, read as it grows
     #[arg(long, value_name = "FILE", conflicts_with = "observations")]
     follow: Option<PathBuf>,
-    /// An instant within three days of the recording, for RTCM 3, which lacks the week; else the orbits tell, or the
-    /// file's last change [GPS time, YYYY-MM-DDThh:mm:ss]
-    #[arg(long, value_name = "TIME", conflicts_with = "follow")]
+    /// An instant within three days of the beginning, for RTCM 3, which lacks the week; else the orbits tell, or the file's
+    /// last change, and live the computer's clock [GPS time, YYYY-MM-DDThh:mm:ss]
+    #[arg(long, value_name = "TIME")]
     date: Option<GpsTime>,
     /// Precise orbits and clocks, SP3 (.gz too); may be repeated
     #[arg(long, value_name = "FILE")]
@@ -180,11 +180,13 @@ impl Publish {
 
     fn source(&self) -> anyhow::Result<Source> {
         let name = match (&self.follow, &self.observations) {
-            (Some(path), _) => return Ok(Source::Live(LiveSource::Follow(path.clone()))),
+            (Some(path), _) => {
+                return Ok(Source::Live { from: LiveSource::Follow(path.clone()), near: self.date });
+            }
             (None, name) => name.as_deref().unwrap_or_default(),
         };
         if name == "-" || name.starts_with("tcp://") {
-            return Ok(Source::Live(name.parse()?));
+            return Ok(Source::Live { from: name.parse()?, near: self.date });
         }
         Ok(match self.date {
             Some(near) => Source::DatedFile { path: name.into(), near },

@@ -99,7 +99,7 @@ impl<'a> Prepared<'a> {
         let nothing_named = loaded.is_none();
         let Loaded { mut products, mut skips, near, .. } = loaded;
         let mut expected = None;
-        if matches!(config.source, Source::Live(_)) {
+        if matches!(config.source, Source::Live { .. }) {
             if nothing_named {
                 tracing::info!("no orbits are named: positions begin when the source has sent its own");
             }
@@ -182,7 +182,7 @@ fn finish(
     stop: &Stop,
 ) -> Result<(), AgentError> {
     // A live source has no other end than a request to stop.
-    let is_live = matches!(config.source, Source::Live(_));
+    let is_live = matches!(config.source, Source::Live { .. });
     let cut = stop.is_requested() && !is_live;
     let stopped = cut.then(|| "stopped before the end of the source".to_owned());
     let error = outcome.as_ref().err().map(ToString::to_string).or(stopped);
@@ -201,7 +201,7 @@ fn finish(
 fn summary(config: &AgentConfig) -> String {
     let source = match &config.source {
         Source::File(path) | Source::DatedFile { path, .. } => path.display().to_string(),
-        Source::Live(live) => return format!("{live}, live"),
+        Source::Live { from, .. } => return format!("{from}, live"),
         Source::Epochs(_) => "epochs in memory".to_owned(),
     };
     match config.speed {

@@ -85,9 +85,9 @@ impl<'a> Opened<'a> {
             Source::Epochs(epochs) => Ok(Self::Memory(epochs.iter())),
             Source::File(path) => Ok(Self::file(path, open_file(path, near)?)),
             Source::DatedFile { path, near } => Ok(Self::file(path, open_file(path, Some(*near))?)),
-            Source::Live(live) => {
-                let records = open_live(live)?;
-                Ok(Self::Stream { name: live.to_string(), path: None, records: Box::new(records) })
+            Source::Live { from, near } => {
+                let records = open_live(from, *near)?;
+                Ok(Self::Stream { name: from.to_string(), path: None, records: Box::new(records) })
             }
         }
     }
@@ -147,9 +147,9 @@ pub fn open_file(path: &Path, near: Option<GpsTime>) -> Result<Records, SourceEr
     Ok(Records::new(Box::new(bytes), near))
 }
 
-fn open_live(live: &LiveSource) -> Result<Records, SourceError> {
+fn open_live(live: &LiveSource, near: Option<GpsTime>) -> Result<Records, SourceError> {
     let bytes = live.open().map_err(|cause| SourceError::Live { name: live.to_string(), cause })?;
-    Ok(Records::new(bytes, gps_time_of(SystemTime::now())))
+    Ok(Records::new(bytes, near.unwrap_or_else(|| gps_time_of(SystemTime::now()))))
 }
 
 /// GPS time of the computer's clock.

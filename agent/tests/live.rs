@@ -79,7 +79,7 @@ impl Hub {
         AgentConfig {
             group: "g".to_owned(),
             phone: "p".to_owned(),
-            source: Source::Live(source),
+            source: Source::Live { from: source, near: None },
             products: ProductSource::Files { sp3: Vec::new(), navigation: Vec::new() },
             connect: self.session.info().locators().wait().iter().map(ToString::to_string).collect(),
             // Would take a day for each epoch, were it obeyed.

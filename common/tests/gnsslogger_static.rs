@@ -23,7 +23,7 @@ fn read(name: &str, options: Options) -> Option<(Vec<ObservationEpoch>, GnssLogg
     while let Some(record) = decoder.next_record() {
         match record {
             Record::Epoch(epoch) => epochs.push(epoch),
-            Record::Ephemeris(e) => panic!("{e:?}: these logs have no Nav lines"),
+            other => panic!("{other:?}: these logs have no Nav lines"),
         }
     }
     Some((epochs, decoder))
