@@ -150,7 +150,7 @@ fn a_lost_connection_is_opened_again() {
     // Dropped in the middle of epoch 4's satellite line; garbage of the restart; then the rest from epoch 6 on.
     let cut = text.find(&epoch(5)).unwrap() - 30;
     let mut second = b"\x00\xffboot\r\nnonsense 17 \n".to_vec();
-    second.extend_from_slice(text[text.find(&epoch(6)).unwrap()..].as_bytes());
+    second.extend_from_slice(&text.as_bytes()[text.find(&epoch(6)).unwrap()..]);
     let (address, serving) = server(vec![text.as_bytes()[..cut].to_vec(), second]);
     let mut records = records(Connected::new(&address, quick(4)));
     let times = all(&mut records);

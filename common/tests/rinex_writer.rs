@@ -26,7 +26,9 @@ fn shared(path: &str) -> Option<Vec<u8>> {
 
 fn written(epochs: &[ObservationEpoch], info: &RecordingInfo) -> (String, ObservationWriter) {
     let mut layout = ObservationLayout::default();
-    epochs.iter().for_each(|epoch| layout.include(epoch));
+    for epoch in epochs {
+        layout.include(epoch);
+    }
     let mut writer = ObservationWriter::new(layout);
     let mut text = writer.header(info);
     for epoch in epochs {

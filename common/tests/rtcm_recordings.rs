@@ -36,6 +36,7 @@ fn take(decoder: &mut RtcmDecoder) -> Vec<ObservationEpoch> {
         .map(|record| match record {
             Record::Epoch(epoch) => epoch,
             Record::Ephemeris(e) => panic!("no ephemerides in this stream, but {}", e.satellite),
+            Record::Glonass(e) => panic!("no ephemerides in this stream, but {}", e.satellite),
         })
         .collect()
 }
