@@ -91,6 +91,7 @@ fn errors(log: &str, navigation: &str, middle: &str) -> Option<(Vec<f64>, usize)
     assert!(decoder.skips().iter().all(|(reason, _)| !reason.contains("LNAV")), "{}", decoder.skips());
     println!("{} ephemerides, {} epochs", ephemerides.len(), epochs.len());
     let file = NavigationFile {
+        glonass: Vec::new(),
         ephemerides,
         ionosphere: IonosphereTerms { gps: decoder.klobuchar(), ..IonosphereTerms::default() },
         leap_seconds: decoder.leap_seconds(),
