@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::orbit::Products;
+use cofix_common::time::GpsTime;
 
+use crate::input::LiveSource;
 use crate::pipeline::PipelineOptions;
 
 /// Everything about one agent's run.
@@ -43,8 +45,23 @@ impl AgentConfig {
 /// Where observations come from.
 #[derive(Clone, Debug)]
 pub enum Source {
-    /// A RINEX 3 observation file, plain or gzip-compressed.
+    /// A recorded file of any format that is read (see [`crate::format::Format`]), plain or gzip-compressed.
     File(PathBuf),
+    /// The same with an instant within three days of its beginning, for RTCM 3, whose messages carry the time of week only.
+    /// Without it the products tell, or else the time of the file's last change.
+    DatedFile {
+        /// The file.
+        path: PathBuf,
+        /// The instant.
+        near: GpsTime,
+    },
+    /// Bytes as they come. Epochs are published at once, whatever [`AgentConfig::speed`] says.
+    Live {
+        /// Where they come from.
+        from: LiveSource,
+        /// As of [`Source::DatedFile`]; without it the computer's clock tells.
+        near: Option<GpsTime>,
+    },
     /// Epochs in memory, in order of time: a simulated phone.
     Epochs(Arc<Vec<ObservationEpoch>>),
 }

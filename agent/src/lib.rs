@@ -3,20 +3,28 @@
 //! [`run`] reads a phone's observations and publishes one message per epoch:
 //!
 //! ```text
-//! source ─▶ pipeline (correct → solve → RAIM → local filter) ─▶ pace ─▶ publication ─▶ Zenoh
+//! input (bytes) ─▶ stream (format, decoder) ─▶ records ─▶ source
+//!        ─▶ pipeline (correct → solve → RAIM → local filter) ─▶ pace ─▶ publication ─▶ Zenoh
 //! ```
 //!
 //! Everything here blocks: run an agent on a thread of its own. The hub's `replay` runs several in one process, each with
 //! a Zenoh session of its own.
 
 mod config;
+pub mod convert;
+pub mod format;
+pub mod input;
+pub mod inspect;
 pub mod link;
 mod pace;
 pub mod pipeline;
+pub mod products;
 pub mod publication;
+pub mod records;
 mod run;
 pub mod source;
 mod stop;
+pub mod stream;
 
 pub use config::{AgentConfig, ProductSource, Source, Speed, SpeedError};
 pub use run::{AgentError, AgentReport, run};

@@ -1,38 +1,96 @@
 //! The command line of the agent.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use clap::Parser;
+use clap::{Args, Parser, Subcommand};
+use cofix_agent::convert::Outputs;
+use cofix_agent::input::LiveSource;
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
+use cofix_common::time::GpsTime;
 
 /// Runs beside one phone: reads its observations and publishes corrected measurements, local state and integrity verdict
 /// over Zenoh, one message per epoch.
 #[derive(Debug, Parser)]
-#[command(version)]
+#[command(version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    publish: Option<Publish>,
+}
+
+/// What else the agent can do with recordings.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Says what is in recordings: span, gaps, satellites, signals, strength, slips, clock jumps, what is skipped
+    Inspect(Inspect),
+    /// Writes recordings of any format as RINEX 3.05
+    Convert(Convert),
+}
+
+#[derive(Debug, Args)]
+struct Inspect {
+    /// Recordings of any format that is read (.gz too)
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// JSON instead of a table: a list with one object per file
+    #[arg(long)]
+    json: bool,
+    /// An instant within three days of the recordings, for RTCM 3 [GPS time, YYYY-MM-DDThh:mm:ss]
+    #[arg(long, value_name = "TIME")]
+    date: Option<GpsTime>,
+}
+
+#[derive(Debug, Args)]
+struct Convert {
+    /// Recordings of any format that is read (.gz too), in order of time
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Observation file to write
+    #[arg(long, value_name = "OUT", required_unless_present = "navigation")]
+    observations: Option<PathBuf>,
+    /// Navigation file to write, of the messages that the recordings carry
+    #[arg(long, value_name = "OUT")]
+    navigation: Option<PathBuf>,
+    /// An instant within three days of the recordings, for RTCM 3 [GPS time, YYYY-MM-DDThh:mm:ss]
+    #[arg(long, value_name = "TIME")]
+    date: Option<GpsTime>,
+}
+
+/// Publishing.
+#[derive(Debug, Args)]
+struct Publish {
     /// Group that the phone belongs to
     #[arg(long)]
     group: String,
     /// Name of the phone within the group
     #[arg(long)]
     phone: String,
-    /// RINEX 3 observation file (.gz too)
-    #[arg(long, value_name = "FILE")]
-    observations: PathBuf,
+    /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz too), or a live source: '-' for
+    /// standard input, tcp://HOST:PORT for a server that sends bytes
+    #[arg(long, value_name = "SOURCE", required_unless_present = "follow")]
+    observations: Option<String>,
+    /// File that is being written, read as it grows
+    #[arg(long, value_name = "FILE", conflicts_with = "observations")]
+    follow: Option<PathBuf>,
+    /// An instant within three days of the beginning, for RTCM 3, which lacks the week; else the orbits tell, or the file's
+    /// last change, and live the computer's clock [GPS time, YYYY-MM-DDThh:mm:ss]
+    #[arg(long, value_name = "TIME")]
+    date: Option<GpsTime>,
     /// Precise orbits and clocks, SP3 (.gz too); may be repeated
     #[arg(long, value_name = "FILE")]
     sp3: Vec<PathBuf>,
-    /// RINEX 3 navigation file (.gz too): orbits, group delays, Klobuchar; may be repeated
+    /// RINEX navigation file (.gz too): orbits, group delays, Klobuchar; may be repeated
     #[arg(long, value_name = "FILE")]
     navigation: Vec<PathBuf>,
     /// Zenoh endpoint of the hub; may be repeated
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     connect: Vec<String>,
-    /// 'max', or times the recorded speed (1 = as recorded)
+    /// 'max', or times the recorded speed (1 = as recorded); of no effect on live sources
     #[arg(long, default_value = "1")]
     speed: Speed,
     /// Seconds to wait for the hub before giving up
@@ -49,7 +107,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .init();
-    match start(arguments.into()) {
+    match work(arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             tracing::error!("{error:#}");
@@ -58,19 +116,82 @@ fn main() -> ExitCode {
     }
 }
 
-impl From<Arguments> for AgentConfig {
-    fn from(arguments: Arguments) -> Self {
-        Self {
-            group: arguments.group,
-            phone: arguments.phone,
-            source: Source::File(arguments.observations),
-            products: ProductSource::Files { sp3: arguments.sp3, navigation: arguments.navigation },
-            connect: arguments.connect,
-            speed: arguments.speed,
-            pipeline: PipelineOptions::default(),
-            patience: Duration::from_secs(arguments.patience),
-            kept_messages: Self::KEPT_MESSAGES,
+fn work(arguments: Arguments) -> anyhow::Result<()> {
+    match (arguments.command, arguments.publish) {
+        (Some(Command::Inspect(arguments)), _) => inspect(&arguments),
+        (Some(Command::Convert(arguments)), _) => convert(arguments),
+        (None, Some(publish)) => start(publish.config()?),
+        (None, None) => anyhow::bail!("nothing to do; see --help"),
+    }
+}
+
+/// A file that cannot be used does not keep the others from being shown; the exit code tells.
+fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
+    let mut inspections = Vec::new();
+    let mut failed = 0;
+    for path in &arguments.files {
+        match cofix_agent::inspect::inspect(path, arguments.date, &Stop::default()) {
+            Ok(inspection) => inspections.push(inspection),
+            Err(error) => {
+                failed += 1;
+                tracing::error!("{error}");
+            }
         }
+    }
+    let text = if arguments.json {
+        serde_json::to_string_pretty(&inspections)? + "\n"
+    } else {
+        inspections.iter().map(ToString::to_string).collect()
+    };
+    match std::io::stdout().write_all(text.as_bytes()) {
+        // Whoever reads may have had enough.
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => return Err(error.into()),
+        _ => {}
+    }
+    anyhow::ensure!(failed == 0, "{failed} of {} files cannot be used", arguments.files.len());
+    Ok(())
+}
+
+fn convert(arguments: Convert) -> anyhow::Result<()> {
+    let Convert { files, observations, navigation, date } = arguments;
+    let outputs = Outputs { observations, navigation };
+    let converted = cofix_agent::convert::convert(&files, &outputs, date, &Stop::default())?;
+    for (reason, skip) in converted.skips.iter() {
+        tracing::warn!("skipped {} × {reason}, first: {}", skip.count, skip.first);
+    }
+    tracing::info!("wrote {} epochs and {} ephemerides", converted.epochs, converted.ephemerides);
+    Ok(())
+}
+
+impl Publish {
+    fn config(self) -> anyhow::Result<AgentConfig> {
+        Ok(AgentConfig {
+            source: self.source()?,
+            group: self.group,
+            phone: self.phone,
+            products: ProductSource::Files { sp3: self.sp3, navigation: self.navigation },
+            connect: self.connect,
+            speed: self.speed,
+            pipeline: PipelineOptions::default(),
+            patience: Duration::from_secs(self.patience),
+            kept_messages: AgentConfig::KEPT_MESSAGES,
+        })
+    }
+
+    fn source(&self) -> anyhow::Result<Source> {
+        let name = match (&self.follow, &self.observations) {
+            (Some(path), _) => {
+                return Ok(Source::Live { from: LiveSource::Follow(path.clone()), near: self.date });
+            }
+            (None, name) => name.as_deref().unwrap_or_default(),
+        };
+        if name == "-" || name.starts_with("tcp://") {
+            return Ok(Source::Live { from: name.parse()?, near: self.date });
+        }
+        Ok(match self.date {
+            Some(near) => Source::DatedFile { path: name.into(), near },
+            None => Source::File(name.into()),
+        })
     }
 }
 

@@ -66,6 +66,13 @@ impl PhonePipeline {
         }
     }
 
+    /// Goes on with other products: more messages have come.
+    pub fn set_products(&mut self, products: Arc<Products>) {
+        let corrector = Corrector::new(products, self.options.correction);
+        let former = std::mem::replace(&mut self.corrector, corrector);
+        self.skips.merge(former.skips());
+    }
+
     /// Processes one epoch; epochs come in order of time.
     pub fn process(&mut self, epoch: &ObservationEpoch) -> EpochMessage {
         let (observations, Monitored { fit, report }) = self.solve(epoch);

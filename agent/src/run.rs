@@ -2,14 +2,16 @@
 
 use std::sync::Arc;
 
+use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
 use cofix_common::wire::PhoneStatus;
 
 use crate::link::{self, LinkError};
 use crate::pace::Pace;
 use crate::pipeline::PhonePipeline;
+use crate::products::{Loaded, OwnNavigation, note_shortcomings};
 use crate::publication::{Publication, PublicationError, Publisher};
-use crate::source::{self, Observations, SourceError};
+use crate::source::{self, Opened, SourceError};
 use crate::{AgentConfig, Source, Speed, Stop};
 
 /// Why an agent's run failed.
@@ -48,51 +50,127 @@ pub struct AgentReport {
 /// Runs an agent to the end of its source, or until asked to stop. Blocks.
 ///
 /// # Errors
-/// When a file cannot be used, the hub cannot be reached or does not listen, or did not confirm all epochs.
+/// When the source cannot be used, the hub cannot be reached or does not listen, or did not confirm all epochs.
 pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError> {
-    let observations = source::observations(&config.source)?;
-    let (products, product_skips) = source::products(&config.products)?;
-    let covering = Arc::clone(&products);
+    let Prepared { products, expected, mut opened, mut skips } = Prepared::new(config, stop)?;
     let session = link::connect(&config.connect, config.patience)?;
     let publisher =
         Publisher { group: &config.group, phone: &config.phone, kept_messages: config.kept_messages };
-    let mut publication = Publication::declare(session, publisher)?;
-    let mut pipeline = PhonePipeline::new(&config.phone, products, config.pipeline.clone());
-    let mut skips = observations.skips.clone();
-    skips.merge(&product_skips);
-    source::note_shortcomings(&observations.epochs, &covering, &mut skips);
-    let outcome = publish(config, &observations, &mut pipeline, &mut publication, stop);
-    skips.merge(&pipeline.skips());
-    let finished = finish(config, &publication, &outcome, &skips, stop);
+    let publication = Publication::declare(session, publisher)?;
+    let pipeline = PhonePipeline::new(&config.phone, Arc::clone(&products), config.pipeline.clone());
+    let mut work = Work {
+        config,
+        stop,
+        products,
+        pipeline,
+        publication,
+        terms_known: false,
+        shortcomings: Skips::default(),
+    };
+    let outcome = work.publish(&mut opened, expected);
+    skips.merge(&work.shortcomings);
+    skips.merge(&work.pipeline.skips());
+    if let (None, Some(records)) = (expected, opened.records()) {
+        // The survey of a recorded source has counted the same already.
+        skips.merge(&records.skips());
+    }
+    let finished = finish(config, &work.publication, &outcome, &skips, stop);
     let report =
-        AgentReport { epochs_published: publication.published(), stopped: stop.is_requested(), skips };
-    let closed = publication.close();
+        AgentReport { epochs_published: work.publication.published(), stopped: stop.is_requested(), skips };
+    let closed = work.publication.close();
     outcome?;
     finished?;
     closed?;
     Ok(report)
 }
 
-fn publish(
-    config: &AgentConfig,
-    observations: &Observations,
-    pipeline: &mut PhonePipeline,
-    publication: &mut Publication,
-    stop: &Stop,
-) -> Result<(), AgentError> {
-    if !publication.wait_for_listener(config.patience, stop)? {
-        return Ok(());
-    }
-    let epochs_expected = u64::try_from(observations.epochs.len()).ok();
-    publication.status(PhoneStatus::Started { summary: summary(config), epochs_expected })?;
-    let mut pace = Pace::new(config.speed);
-    for epoch in observations.epochs.iter() {
-        if pace.wait(epoch.time_gps, stop) {
-            break;
+/// What is known before the first epoch.
+struct Prepared<'a> {
+    products: Arc<Products>,
+    /// Epochs of a recorded source.
+    expected: Option<u64>,
+    opened: Opened<'a>,
+    skips: Skips,
+}
+
+impl<'a> Prepared<'a> {
+    fn new(config: &'a AgentConfig, stop: &Stop) -> Result<Self, AgentError> {
+        let loaded = Loaded::read(&config.products)?;
+        let nothing_named = loaded.is_none();
+        let Loaded { mut products, mut skips, near, .. } = loaded;
+        let mut expected = None;
+        if matches!(config.source, Source::Live { .. }) {
+            if nothing_named {
+                tracing::info!("no orbits are named: positions begin when the source has sent its own");
+            }
+        } else {
+            let survey = source::survey(&config.source, near, stop)?;
+            if nothing_named && survey.navigation.is_empty() && !stop.is_requested() {
+                return Err(SourceError::NoProducts.into());
+            }
+            if !survey.navigation.is_empty() {
+                Arc::make_mut(&mut products).add_navigation(survey.navigation.file);
+            }
+            skips.merge(&survey.skips);
+            expected = Some(survey.epochs);
         }
-        publication.epoch(&pipeline.process(epoch))?;
+        Ok(Self { products, expected, opened: Opened::open(&config.source, near)?, skips })
     }
-    Ok(())
+}
+
+/// An agent at work.
+struct Work<'a> {
+    config: &'a AgentConfig,
+    stop: &'a Stop,
+    products: Arc<Products>,
+    pipeline: PhonePipeline,
+    publication: Publication,
+    /// Whether the ionosphere terms of a live source went into the products.
+    terms_known: bool,
+    shortcomings: Skips,
+}
+
+impl Work<'_> {
+    /// Publishes every epoch; `expected` is their number, of a recorded source.
+    fn publish(&mut self, opened: &mut Opened<'_>, expected: Option<u64>) -> Result<(), AgentError> {
+        if !self.publication.wait_for_listener(self.config.patience, self.stop)? {
+            return Ok(());
+        }
+        let summary = summary(self.config);
+        self.publication.status(PhoneStatus::Started { summary, epochs_expected: expected })?;
+        let is_live = expected.is_none();
+        let mut pace = Pace::new(if is_live { Speed::Maximum } else { self.config.speed });
+        while let Some(record) = opened.next(self.stop)? {
+            let mut own = OwnNavigation::default();
+            let epoch = own.take(record);
+            if is_live {
+                self.learn(own, opened);
+            }
+            let Some(epoch) = epoch else { continue };
+            if pace.wait(epoch.time_gps, self.stop) {
+                break;
+            }
+            let is_first = self.publication.published() == 0;
+            note_shortcomings(epoch.time_gps, is_first, &self.products, &mut self.shortcomings);
+            self.publication.epoch(&self.pipeline.process(&epoch))?;
+        }
+        Ok(())
+    }
+
+    /// Takes what a live source has sent of navigation messages: it serves from now on.
+    fn learn(&mut self, mut own: OwnNavigation, opened: &Opened<'_>) {
+        if !self.terms_known
+            && let Some(records) = opened.records()
+        {
+            own.take_terms(records.decoder());
+            self.terms_known = own.file.ionosphere.gps.is_some();
+        }
+        if own.is_empty() && own.file.ionosphere.gps.is_none() {
+            return;
+        }
+        Arc::make_mut(&mut self.products).add_navigation(own.file);
+        self.pipeline.set_products(Arc::clone(&self.products));
+    }
 }
 
 /// Says goodbye and waits until the hub has everything.
@@ -103,14 +181,18 @@ fn finish(
     skips: &Skips,
     stop: &Stop,
 ) -> Result<(), AgentError> {
-    let stopped = stop.is_requested().then(|| "stopped before the end of the source".to_owned());
+    // A live source has no other end than a request to stop.
+    let is_live = matches!(config.source, Source::Live { .. });
+    let cut = stop.is_requested() && !is_live;
+    let stopped = cut.then(|| "stopped before the end of the source".to_owned());
     let error = outcome.as_ref().err().map(ToString::to_string).or(stopped);
     let published = publication.published();
     publication.status(PhoneStatus::Finished { epochs_published: published, skips: skips.clone(), error })?;
     if outcome.is_err() || published == 0 {
         return Ok(());
     }
-    match publication.wait_for_receipt(config.patience, stop).unwrap_or(0) {
+    let last_wait = if is_live { &Stop::default() } else { stop };
+    match publication.wait_for_receipt(config.patience, last_wait).unwrap_or(0) {
         confirmed if confirmed >= published || stop.is_requested() => Ok(()),
         confirmed => Err(AgentError::NotConfirmed { confirmed, published }),
     }
@@ -118,7 +200,8 @@ fn finish(
 
 fn summary(config: &AgentConfig) -> String {
     let source = match &config.source {
-        Source::File(path) => path.display().to_string(),
+        Source::File(path) | Source::DatedFile { path, .. } => path.display().to_string(),
+        Source::Live { from, .. } => return format!("{from}, live"),
         Source::Epochs(_) => "epochs in memory".to_owned(),
     };
     match config.speed {

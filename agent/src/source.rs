@@ -1,16 +1,29 @@
-//! Files become observations and products.
+//! Sources of observations, recorded and live.
+//!
+//! A recorded file is read twice, each time in portions: first to survey it (how many epochs, what is skipped, which
+//! navigation messages it carries), then epoch by epoch. So it need not fit into memory, and **its own navigation messages
+//! serve the epochs before them too**, as those of a navigation file do. From a live source a message serves from its arrival on.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::slice;
+use std::time::{SystemTime, UNIX_EPOCH};
 
+use cofix_common::decode::Record;
 use cofix_common::gnss::ObservationEpoch;
-use cofix_common::orbit::{Products, Sp3};
-use cofix_common::rinex::{NavigationFile, ObservationFile};
+use cofix_common::rinex::leap_seconds_at;
 use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
 
-use crate::{ProductSource, Source};
+use crate::input::{LiveSource, Recorded};
+use crate::products::OwnNavigation;
+use crate::records::{Records, RecordsError};
+use crate::{Source, Stop};
 
-/// A file that cannot be used.
+pub use crate::products::products;
+
+const KIND: &str = "observation";
+
+/// A source that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
     /// It cannot be read.
@@ -23,113 +36,157 @@ pub enum SourceError {
         /// Why.
         cause: std::io::Error,
     },
+    /// A live source fails.
+    #[error("{name}: no observations: {cause}")]
+    Live {
+        /// The source.
+        name: String,
+        /// Why.
+        cause: std::io::Error,
+    },
     /// It is not what it should be.
-    #[error("{}: not usable as {kind} file: {reason}", path.display())]
+    #[error("{source_name}: not usable as {kind} file: {reason}")]
     Unusable {
-        /// The file.
-        path: PathBuf,
+        /// The file or live source.
+        source_name: String,
         /// What it should be.
         kind: &'static str,
         /// What the parser says.
         reason: String,
     },
     /// There is no product at all.
-    #[error("no orbits: name at least one SP3 or RINEX navigation file")]
+    #[error(
+        "no orbits: name at least one SP3 or RINEX navigation file (the observations carry no navigation messages either)"
+    )]
     NoProducts,
 }
 
-/// Epochs in order of time, and what was skipped in reading them.
-#[derive(Clone, Debug)]
-pub struct Observations {
-    /// The epochs.
-    pub epochs: Arc<Vec<ObservationEpoch>>,
+/// What a first reading of a recorded source found.
+#[derive(Clone, Debug, Default)]
+pub struct Survey {
+    /// Epochs, in order of time.
+    pub epochs: u64,
+    /// Navigation messages of the source itself.
+    pub navigation: OwnNavigation,
     /// What was skipped.
     pub skips: Skips,
 }
 
-/// Reads a source of observations.
-///
-/// # Errors
-/// When the file cannot be read, is no RINEX observation file, or holds no epoch.
-pub fn observations(source: &Source) -> Result<Observations, SourceError> {
-    let path = match source {
-        Source::Epochs(epochs) => {
-            return Ok(Observations { epochs: Arc::clone(epochs), skips: Skips::default() });
+/// A source, opened: its records come one by one.
+pub(crate) enum Opened<'a> {
+    Memory(slice::Iter<'a, ObservationEpoch>),
+    Stream { name: String, path: Option<&'a Path>, records: Box<Records> },
+}
+
+impl<'a> Opened<'a> {
+    /// Opens a source. `near` is an instant near its beginning, where one is known.
+    pub(crate) fn open(source: &'a Source, near: Option<GpsTime>) -> Result<Self, SourceError> {
+        match source {
+            Source::Epochs(epochs) => Ok(Self::Memory(epochs.iter())),
+            Source::File(path) => Ok(Self::file(path, open_file(path, near)?)),
+            Source::DatedFile { path, near } => Ok(Self::file(path, open_file(path, Some(*near))?)),
+            Source::Live { from, near } => {
+                let records = open_live(from, *near)?;
+                Ok(Self::Stream { name: from.to_string(), path: None, records: Box::new(records) })
+            }
         }
-        Source::File(path) => path,
-    };
-    let kind = "RINEX observation";
-    let file = ObservationFile::parse(&read(path, kind)?).map_err(|e| unusable(path, kind, e.to_string()))?;
-    if file.epochs.is_empty() {
-        let skips = if file.skips.is_empty() { String::new() } else { format!(": {}", file.skips) };
-        return Err(unusable(path, kind, format!("it holds no epoch{skips}")));
     }
-    Ok(Observations { epochs: Arc::new(file.epochs), skips: file.skips })
+
+    fn file(path: &'a Path, records: Records) -> Self {
+        Self::Stream { name: path.display().to_string(), path: Some(path), records: Box::new(records) }
+    }
+
+    /// The next record.
+    pub(crate) fn next(&mut self, stop: &Stop) -> Result<Option<Record>, SourceError> {
+        match self {
+            Self::Memory(epochs) => Ok(epochs.next().cloned().map(Record::Epoch)),
+            Self::Stream { name, path, records } => {
+                records.next(stop).map_err(|error| source_error(name, *path, error))
+            }
+        }
+    }
+
+    /// The records of a stream, for what they know of it.
+    pub(crate) const fn records(&self) -> Option<&Records> {
+        match self {
+            Self::Memory(_) => None,
+            Self::Stream { records, .. } => Some(records),
+        }
+    }
 }
 
-/// Reads products.
+/// What went wrong with a recorded file.
+pub(crate) fn file_error(path: &Path, error: RecordsError) -> SourceError {
+    source_error(&path.display().to_string(), Some(path), error)
+}
+
+fn source_error(name: &str, path: Option<&Path>, error: RecordsError) -> SourceError {
+    match (error, path) {
+        (RecordsError::Read(cause), Some(path)) => {
+            SourceError::Read { path: path.to_owned(), kind: KIND, cause }
+        }
+        (RecordsError::Read(cause), None) => SourceError::Live { name: name.to_owned(), cause },
+        (RecordsError::Wrong(wrong), _) => {
+            SourceError::Unusable { source_name: name.to_owned(), kind: KIND, reason: wrong.reason }
+        }
+    }
+}
+
+/// Opens a recorded file. Without an instant near its beginning the time of its last change stands for it, which only RTCM 3
+/// needs.
 ///
 /// # Errors
-/// When a file cannot be read or is of another kind, or when none is named.
-pub fn products(source: &ProductSource) -> Result<(Arc<Products>, Skips), SourceError> {
-    match source {
-        ProductSource::Loaded(products) => Ok((Arc::clone(products), Skips::default())),
-        ProductSource::Files { sp3, navigation } => load(sp3, navigation),
+/// When the file cannot be opened.
+pub fn open_file(path: &Path, near: Option<GpsTime>) -> Result<Records, SourceError> {
+    let cause = |cause| SourceError::Read { path: path.to_owned(), kind: KIND, cause };
+    let bytes = Recorded::open(path).map_err(cause)?;
+    let near = near.unwrap_or_else(|| {
+        let changed = std::fs::metadata(path).and_then(|metadata| metadata.modified());
+        gps_time_of(changed.unwrap_or_else(|_| SystemTime::now()))
+    });
+    Ok(Records::new(Box::new(bytes), near))
+}
+
+fn open_live(live: &LiveSource, near: Option<GpsTime>) -> Result<Records, SourceError> {
+    let bytes = live.open().map_err(|cause| SourceError::Live { name: live.to_string(), cause })?;
+    Ok(Records::new(bytes, near.unwrap_or_else(|| gps_time_of(SystemTime::now()))))
+}
+
+/// GPS time of the computer's clock.
+pub(crate) fn gps_time_of(time: SystemTime) -> GpsTime {
+    let unix_s = time.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
+    let epoch = GpsTime::default().as_unix_calendar_nanos() as f64 * 1e-9;
+    let utc = GpsTime::default() + (unix_s - epoch);
+    utc + leap_seconds_at(utc) as f64
+}
+
+/// Reads a recorded source once, to its end. A live one cannot be surveyed.
+///
+/// # Errors
+/// When it cannot be read, is of no format that is read, or holds no epoch.
+pub fn survey(source: &Source, near: Option<GpsTime>, stop: &Stop) -> Result<Survey, SourceError> {
+    let mut opened = Opened::open(source, near)?;
+    let mut survey = Survey::default();
+    while let Some(record) = opened.next(stop)? {
+        survey.epochs += u64::from(survey.navigation.take(record).is_some());
+    }
+    if let Some(records) = opened.records() {
+        survey.navigation.take_terms(records.decoder());
+        survey.skips = records.skips();
+    }
+    match &opened {
+        Opened::Stream { name, .. } if survey.epochs == 0 && !stop.is_requested() => {
+            Err(no_epoch(name, &survey.skips))
+        }
+        _ => Ok(survey),
     }
 }
 
-/// Group delays drift by a fraction of a nanosecond a month; older ones serve, but the user should know.
-const STALE_GROUP_DELAYS_S: f64 = 7.0 * 86_400.0;
-
-/// Notes what the products lack for these epochs: precise orbits beyond their ends, recent group delays.
-pub fn note_shortcomings(epochs: &[ObservationEpoch], products: &Products, skips: &mut Skips) {
-    count_uncovered(epochs, products, skips);
-    let Some(first) = epochs.first() else { return };
-    if let Some(age_s) = products.group_delay_age_s(first.time_gps)
-        && age_s > STALE_GROUP_DELAYS_S
-    {
-        skips.add("group delays more than a week from the observations, used all the same", || {
-            format!("{:.1} days at {}", age_s / 86_400.0, first.time_gps)
-        });
+fn no_epoch(name: &str, skips: &Skips) -> SourceError {
+    let skips = if skips.is_empty() { String::new() } else { format!(": {skips}") };
+    SourceError::Unusable {
+        source_name: name.to_owned(),
+        kind: KIND,
+        reason: format!("it holds no epoch{skips}"),
     }
-}
-
-/// Counts the epochs that the precise orbits do not cover: beyond them only broadcast orbits can serve.
-fn count_uncovered(epochs: &[ObservationEpoch], products: &Products, skips: &mut Skips) {
-    let Some((first, last)) = products.coverage() else { return };
-    for epoch in epochs.iter().filter(|epoch| epoch.time_gps < first || epoch.time_gps > last) {
-        skips.add("epoch outside the SP3 orbits", || {
-            format!("{}; they cover {first} to {last}", epoch.time_gps)
-        });
-    }
-}
-
-fn load(sp3: &[PathBuf], navigation: &[PathBuf]) -> Result<(Arc<Products>, Skips), SourceError> {
-    if sp3.is_empty() && navigation.is_empty() {
-        return Err(SourceError::NoProducts);
-    }
-    let mut skips = Skips::default();
-    let mut precise = Vec::with_capacity(sp3.len());
-    for path in sp3 {
-        let file = Sp3::parse(&read(path, "SP3")?).map_err(|e| unusable(path, "SP3", e.to_string()))?;
-        skips.merge(&file.skips);
-        precise.push(file);
-    }
-    let mut broadcast = Vec::with_capacity(navigation.len());
-    for path in navigation {
-        let kind = "RINEX navigation";
-        let file =
-            NavigationFile::parse(&read(path, kind)?).map_err(|e| unusable(path, kind, e.to_string()))?;
-        skips.merge(&file.skips);
-        broadcast.push(file);
-    }
-    Ok((Arc::new(Products::new(precise, broadcast)), skips))
-}
-
-fn read(path: &Path, kind: &'static str) -> Result<Vec<u8>, SourceError> {
-    std::fs::read(path).map_err(|cause| SourceError::Read { path: path.to_owned(), kind, cause })
-}
-
-fn unusable(path: &Path, kind: &'static str, reason: String) -> SourceError {
-    SourceError::Unusable { path: path.to_owned(), kind, reason }
 }

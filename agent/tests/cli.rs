@@ -54,6 +54,7 @@ fn folder() -> tempfile::TempDir {
     let header: String = OBSERVATIONS.split_inclusive('\n').take(3).collect();
     std::fs::write(folder.path().join("header.rnx"), header).unwrap();
     std::fs::write(folder.path().join("noise.bin"), [0x1f, 0x8b, 8, 0, 1, 2, 3]).unwrap();
+    std::fs::write(folder.path().join("noise.txt"), "lorem ipsum").unwrap();
     folder
 }
 
@@ -61,11 +62,12 @@ fn folder() -> tempfile::TempDir {
 fn unusable_observations_are_named() {
     let folder = folder();
     for (file, said) in [
-        ("missing.rnx", "cannot read the RINEX observation file"),
-        ("nav.rnx", "not usable as RINEX observation file"),
+        ("missing.rnx", "cannot read the observation file"),
+        ("nav.rnx", "not usable as observation file"),
         ("cut.rnx", "before END OF HEADER"),
         ("header.rnx", "holds no epoch"),
-        ("noise.bin", "not usable as RINEX observation file"),
+        ("noise.bin", "gzip data is damaged"),
+        ("noise.txt", "it begins with 'lorem ipsum'; read are RINEX 2, 3 and 4"),
     ] {
         let text = failure(folder.path(), file, &["--navigation", "nav.rnx"]);
         assert!(text.contains(said) && text.contains(file), "expected '{said}' in: {text}");
@@ -99,4 +101,63 @@ fn wrong_arguments_are_refused() {
     let assert = agent(folder.path(), "good.rnx", &["--speed", "fast"]).code(2);
     let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
     assert!(text.contains("speed"), "{text}");
+}
+
+/// Runs the agent on arguments of its own.
+fn command(folder: &Path, arguments: &[&str]) -> assert_cmd::assert::Assert {
+    Command::new(env!("CARGO_BIN_EXE_cofix-agent")).current_dir(folder).args(arguments).assert()
+}
+
+#[test]
+fn recordings_are_inspected_as_table_and_as_json() {
+    let folder = folder();
+    let table = command(folder.path(), &["inspect", "good.rnx"]).success();
+    let table = String::from_utf8(table.get_output().stdout.clone()).unwrap();
+    assert!(table.contains("good.rnx: RINEX observations") && table.contains("G 1C"), "{table}");
+    let json = command(folder.path(), &["inspect", "--json", "noise.txt", "good.rnx"]).code(1);
+    let output = json.get_output();
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(value[0]["format"], "rinex");
+    assert_eq!(value[0]["epochs"], 1);
+    assert_eq!(value[0]["constellations"][0]["signals"][0]["cn0_dbhz"]["mean"], 45.0);
+    let said = String::from_utf8(output.stderr.clone()).unwrap();
+    assert!(said.contains("1 of 2 files cannot be used") && said.contains("noise.txt"), "{said}");
+}
+
+#[test]
+fn recordings_are_converted() {
+    let folder = folder();
+    command(folder.path(), &["convert", "good.rnx", "--observations", "out.rnx"]).success();
+    let text = std::fs::read_to_string(folder.path().join("out.rnx")).unwrap();
+    assert!(text.starts_with("     3.05           OBSERVATION DATA"), "{text}");
+    assert!(text.contains("G07  22100000.000 7 116000000.000 7     -1200.000          45.000\n"), "{text}");
+    for (arguments, code, said) in [
+        (vec!["convert", "good.rnx", "--observations", "good.rnx"], 1, "would be overwritten"),
+        (vec!["convert", "good.rnx", "--navigation", "out.nav"], 1, "has no navigation message"),
+        (vec!["convert", "good.rnx"], 2, "--observations"),
+        (vec!["convert", "header.rnx", "--observations", "out.rnx"], 1, "has no epoch"),
+    ] {
+        let assert = command(folder.path(), &arguments).code(code);
+        let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+        assert!(text.contains(said), "expected '{said}' in: {text}");
+    }
+    assert_eq!(std::fs::read_to_string(folder.path().join("good.rnx")).unwrap(), OBSERVATIONS);
+}
+
+#[test]
+fn a_source_is_one_of_file_and_live() {
+    let folder = folder();
+    for (arguments, said) in [
+        (vec!["--group", "g", "--phone", "p", "--observations", "tcp://nowhere"], "tcp://HOST:PORT"),
+        (
+            vec!["--group", "g", "--phone", "p", "--follow", "missing.rnx", "--connect", "tcp/127.0.0.1:9"],
+            "missing.rnx",
+        ),
+    ] {
+        let assert = command(folder.path(), &arguments).code(1);
+        let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+        assert!(text.contains(said), "expected '{said}' in: {text}");
+    }
+    command(folder.path(), &["--group", "g", "--phone", "p"]).code(2);
+    command(folder.path(), &["--group", "g", "--phone", "p", "--follow", "a", "--observations", "b"]).code(2);
 }

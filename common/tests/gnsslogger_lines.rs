@@ -114,7 +114,7 @@ fn decode_with(bytes: &[u8], options: Options) -> Decoded {
         match record {
             Record::Epoch(epoch) => epochs.push(epoch),
             Record::Ephemeris(ephemeris) => ephemerides.push(*ephemeris),
-            Record::Glonass(ephemeris) => panic!("{ephemeris:?}"),
+            Record::Glonass(other) => panic!("{other:?}: such logs give no GLONASS ephemerides"),
         }
     }
     Decoded { epochs, ephemerides, skips: decoder.skips().clone(), decoder }

@@ -85,7 +85,7 @@ fn errors(log: &str, navigation: &str, middle: &str) -> Option<(Vec<f64>, usize)
         match record {
             Record::Epoch(epoch) => epochs.push(epoch),
             Record::Ephemeris(ephemeris) => ephemerides.push(*ephemeris),
-            Record::Glonass(_) => {}
+            Record::Glonass(other) => panic!("{other:?}: such logs give no GLONASS ephemerides"),
         }
     }
     assert!(decoder.skips().iter().all(|(reason, _)| !reason.contains("LNAV")), "{}", decoder.skips());

@@ -37,6 +37,7 @@ fn take(decoder: &mut RtcmDecoder) -> Vec<ObservationEpoch> {
             Record::Epoch(epoch) => epoch,
             Record::Glonass(e) => panic!("{e:?}"),
             Record::Ephemeris(e) => panic!("no ephemerides in this stream, but {}", e.satellite),
+            Record::Glonass(e) => panic!("no ephemerides in this stream, but {}", e.satellite),
         })
         .collect()
 }

@@ -9,9 +9,10 @@ use std::time::Duration;
 
 use anyhow::Context;
 use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
-use cofix_agent::source;
+use cofix_agent::{Source, Stop, source};
 use cofix_common::accuracy::Accuracy;
 use cofix_common::constraint::{ConstraintOptions, DistanceModel, Enlargement, Method};
+use cofix_common::decode::Record;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::orbit::Products;
 use cofix_common::wire::EpochMessage;
@@ -122,10 +123,12 @@ fn run(
 ) -> anyhow::Result<Methods> {
     let mut aligner = Aligner::new(plan.phones.len(), AlignOptions::default());
     for (index, phone) in plan.phones.iter().enumerate() {
-        let observations = source::observations(&phone.source).context("observations")?;
+        let Source::File(path) = &phone.source else { anyhow::bail!("{} is not a file", phone.name) };
+        let mut records = source::open_file(path, None)?;
         let mut pipeline = PhonePipeline::new(&phone.name, Arc::clone(products), variant.pipeline.clone());
-        for epoch in observations.epochs.iter() {
-            let message: EpochMessage = pipeline.process(&variant.bands.keep(epoch));
+        while let Some(record) = records.next(&Stop::default()).context("observations")? {
+            let Record::Epoch(epoch) = record else { continue };
+            let message: EpochMessage = pipeline.process(&variant.bands.keep(&epoch));
             aligner.push(index, message, Duration::ZERO);
         }
         aligner.finish(index);

@@ -87,8 +87,9 @@ impl Products {
         }
     }
 
-    /// Adds a broadcast file.
-    fn add_navigation(&mut self, file: NavigationFile) {
+    /// Adds a broadcast file, or messages that came otherwise. The terms of the first one that has them stay.
+    pub fn add_navigation(&mut self, file: NavigationFile) {
+        self.satellites.resize(PLACES, Satellite::default());
         self.ionosphere = self.ionosphere.or(file.ionosphere.gps);
         self.leap_seconds = self.leap_seconds.or(file.leap_seconds);
         for ephemeris in file.ephemerides {

@@ -25,6 +25,7 @@ mod stream;
 mod types;
 mod types_2;
 mod version;
+mod writer;
 
 pub(crate) use decimal::{integer, real};
 pub use decompress::{DecompressError, MAX_DECOMPRESSED_BYTES, decompress};
@@ -36,6 +37,7 @@ pub use navigation_decoder::NavigationDecoder;
 pub use navigation_header::IonosphereTerms;
 pub use observation::{ObservationDecoder, ObservationFile};
 pub use types::{ObservationKind, ObservationType};
+pub use writer::{ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record};
 
 /// Why a file cannot be read at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

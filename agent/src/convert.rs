@@ -1,0 +1,218 @@
+//! Recordings of any format to RINEX 3.05.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use cofix_common::decode::Record;
+use cofix_common::rinex::{
+    ObservationLayout, ObservationWriter, RecordingInfo, leap_seconds_at, navigation_header,
+    navigation_record,
+};
+use cofix_common::skips::Skips;
+use cofix_common::time::{Calendar, GpsTime};
+
+use crate::Stop;
+use crate::products::OwnNavigation;
+use crate::source::{self, SourceError};
+
+/// What to write.
+#[derive(Clone, Debug, Default)]
+pub struct Outputs {
+    /// Observation file.
+    pub observations: Option<PathBuf>,
+    /// Navigation file.
+    pub navigation: Option<PathBuf>,
+}
+
+/// What was written.
+#[derive(Clone, Debug, Default)]
+pub struct Converted {
+    /// Epochs.
+    pub epochs: u64,
+    /// Ephemerides.
+    pub ephemerides: u64,
+    /// What was skipped in reading and in writing.
+    pub skips: Skips,
+}
+
+/// Why a conversion failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ConvertError {
+    /// A source cannot be used.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// An output cannot be written.
+    #[error("{}: cannot write: {cause}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        cause: io::Error,
+    },
+    /// An output is one of the sources.
+    #[error("{}: is read and would be overwritten; name another output", .0.display())]
+    Overwrites(PathBuf),
+    /// The sources have nothing to write into an output.
+    #[error("{}: nothing to write: the recording has no {what}", path.display())]
+    Nothing {
+        /// The file.
+        path: PathBuf,
+        /// What is lacking.
+        what: &'static str,
+    },
+}
+
+/// What a first reading of the recordings finds.
+#[derive(Default)]
+struct Contents {
+    layout: ObservationLayout,
+    navigation: OwnNavigation,
+    info: RecordingInfo,
+    epochs: u64,
+}
+
+/// Converts recordings, one after the other in order of time, into one observation file and one navigation file. Each is
+/// read twice, in portions: RINEX names its columns before the first epoch.
+///
+/// # Errors
+/// When a source cannot be used or an output cannot be written.
+pub fn convert(
+    files: &[PathBuf],
+    outputs: &Outputs,
+    near: Option<GpsTime>,
+    stop: &Stop,
+) -> Result<Converted, ConvertError> {
+    for output in [&outputs.observations, &outputs.navigation].into_iter().flatten() {
+        check_output(output, files)?;
+    }
+    let mut converted = Converted::default();
+    let mut contents = Contents::default();
+    contents.info.created = now();
+    for path in files {
+        converted.skips.merge(&contents.read(path, near, stop)?);
+    }
+    if let Some(path) = &outputs.observations {
+        if contents.epochs == 0 {
+            return Err(ConvertError::Nothing { path: path.clone(), what: "epoch" });
+        }
+        let writer = ObservationWriter::new(contents.layout.clone());
+        write_observations((path, files), &contents.info, writer, (near, stop), &mut converted)?;
+    }
+    if let Some(path) = &outputs.navigation {
+        if contents.navigation.is_empty() {
+            return Err(ConvertError::Nothing { path: path.clone(), what: "navigation message" });
+        }
+        write_navigation(path, &contents, &mut converted)?;
+    }
+    Ok(converted)
+}
+
+impl Contents {
+    fn read(&mut self, path: &Path, near: Option<GpsTime>, stop: &Stop) -> Result<Skips, SourceError> {
+        let mut records = source::open_file(path, near)?;
+        let mut navigation = OwnNavigation::default();
+        while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
+            if let Some(epoch) = navigation.take(record) {
+                self.layout.include(&epoch);
+                self.epochs += 1;
+            }
+        }
+        let decoder = records.decoder();
+        navigation.take_terms(decoder);
+        self.info.leap_seconds = self.info.leap_seconds.or(navigation.file.leap_seconds);
+        self.info.glonass_channels.extend(decoder.glonass_channels());
+        if let Some(header) = decoder.header() {
+            self.info.approximate_position = self.info.approximate_position.or(header.approximate_position);
+            fill(&mut self.info.marker_name, &header.marker_name);
+            fill(&mut self.info.receiver_type, &header.receiver_type);
+        }
+        self.navigation.extend(navigation);
+        Ok(records.skips())
+    }
+}
+
+fn fill(text: &mut String, from: &str) {
+    if text.is_empty() {
+        from.clone_into(text);
+    }
+}
+
+/// The date and time for headers, UTC.
+fn now() -> String {
+    let gps = source::gps_time_of(SystemTime::now());
+    let Calendar { year, month, day, hour, minute, second } = (gps - leap_seconds_at(gps) as f64).calendar();
+    format!("{year:04}{month:02}{day:02} {hour:02}{minute:02}{:02.0} UTC", second.floor())
+}
+
+fn check_output(output: &Path, files: &[PathBuf]) -> Result<(), ConvertError> {
+    let Ok(there) = output.canonicalize() else { return Ok(()) };
+    let is_read = files.iter().any(|file| file.canonicalize().is_ok_and(|file| file == there));
+    if is_read { Err(ConvertError::Overwrites(output.to_owned())) } else { Ok(()) }
+}
+
+/// Writes a file through a function.
+fn to_file(
+    path: &Path,
+    work: impl FnOnce(&mut dyn FnMut(&str) -> io::Result<()>) -> Result<(), ConvertError>,
+) -> Result<(), ConvertError> {
+    let failed = |cause| ConvertError::Write { path: path.to_owned(), cause };
+    let mut file = BufWriter::new(File::create(path).map_err(failed)?);
+    work(&mut |text| file.write_all(text.as_bytes()))?;
+    file.flush().map_err(failed)
+}
+
+fn write_observations(
+    (path, files): (&Path, &[PathBuf]),
+    info: &RecordingInfo,
+    mut writer: ObservationWriter,
+    (near, stop): (Option<GpsTime>, &Stop),
+    converted: &mut Converted,
+) -> Result<(), ConvertError> {
+    let failed = |cause| ConvertError::Write { path: path.to_owned(), cause };
+    let mut last: Option<GpsTime> = None;
+    to_file(path, |put| {
+        put(&writer.header(info)).map_err(failed)?;
+        for file in files {
+            let mut records = source::open_file(file, near)?;
+            while let Some(record) = records.next(stop).map_err(|error| source::file_error(file, error))? {
+                let Record::Epoch(epoch) = record else { continue };
+                if last.is_some_and(|last| epoch.time_gps <= last) {
+                    converted.skips.add("epoch not later than the files before reach, left out", || {
+                        format!("{} of {}", epoch.time_gps, file.display())
+                    });
+                    continue;
+                }
+                last = Some(epoch.time_gps);
+                converted.epochs += 1;
+                put(&writer.epoch(&epoch)).map_err(failed)?;
+            }
+        }
+        Ok(())
+    })?;
+    converted.skips.merge(writer.skips());
+    Ok(())
+}
+
+fn write_navigation(path: &Path, contents: &Contents, converted: &mut Converted) -> Result<(), ConvertError> {
+    let failed = |cause| ConvertError::Write { path: path.to_owned(), cause };
+    let navigation = &contents.navigation.file;
+    to_file(path, |put| {
+        let leap_seconds = contents.info.leap_seconds;
+        put(&navigation_header(&contents.info.created, navigation.ionosphere.gps.as_ref(), leap_seconds))
+            .map_err(failed)?;
+        for ephemeris in &navigation.ephemerides {
+            let Some(record) = navigation_record(ephemeris) else {
+                converted.skips.add("ephemeris that is not written", || ephemeris.satellite.to_string());
+                continue;
+            };
+            converted.ephemerides += 1;
+            put(&record).map_err(failed)?;
+        }
+        for ephemeris in &navigation.glonass {
+            converted.skips.add("GLONASS ephemeris is not written", || ephemeris.satellite.to_string());
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,137 @@
+//! Where bytes come from: a recorded file, a growing one, standard input, a TCP server.
+//!
+//! None of them waits without end: each looks for a request to stop at least every [`LOOK`], and sleeps in between.
+
+mod file;
+mod follow;
+mod pipe;
+mod tcp;
+
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::time::Duration;
+
+pub use file::Recorded;
+pub use follow::Followed;
+pub use pipe::Piped;
+pub use tcp::{Backoff, Connected};
+
+use crate::Stop;
+
+/// How often an idle source looks for a request to stop, and a growing file for growth.
+pub const LOOK: Duration = Duration::from_millis(100);
+/// Bytes taken at once.
+const PORTION_BYTES: usize = 65_536;
+
+/// What comes next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Portion {
+    /// Bytes that continue the ones before; they are in the caller's buffer.
+    Bytes,
+    /// What follows does not continue what came before: a connection was lost, a file was written anew.
+    Broken,
+    /// Nothing more comes: the end, or a request to stop.
+    End,
+    /// Nothing more comes although more was to come: the reason is in [`Bytes::last_words`].
+    Lost,
+}
+
+/// A source of bytes.
+pub trait Bytes {
+    /// Puts the next bytes into `buffer`, in place of what is there. Blocks until there are some, the end has come, or a
+    /// stop is requested.
+    ///
+    /// # Errors
+    /// When the source fails before it gave anything.
+    fn next(&mut self, buffer: &mut Vec<u8>, stop: &Stop) -> std::io::Result<Portion>;
+
+    /// Why the source was [`Portion::Lost`].
+    fn last_words(&self) -> Option<&str> {
+        None
+    }
+}
+
+/// A live source by name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LiveSource {
+    /// A file that is being written.
+    Follow(PathBuf),
+    /// Standard input, `-`.
+    Standard,
+    /// `tcp://HOST:PORT`: a server that sends bytes.
+    Tcp {
+        /// `HOST:PORT`.
+        address: String,
+        /// How it is tried again.
+        backoff: Backoff,
+    },
+}
+
+/// Text that names no TCP server.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("'{text}' is not a source: write tcp://HOST:PORT, for example tcp://192.168.1.20:5000")]
+pub struct AddressError {
+    text: String,
+}
+
+impl FromStr for LiveSource {
+    type Err = AddressError;
+
+    /// Reads `-` or `tcp://HOST:PORT`.
+    fn from_str(text: &str) -> Result<Self, AddressError> {
+        if text == "-" {
+            return Ok(Self::Standard);
+        }
+        let address = text.strip_prefix("tcp://").unwrap_or_default();
+        let port = address.rsplit_once(':').filter(|(host, _)| !host.is_empty());
+        match port.and_then(|(_, port)| port.parse::<u16>().ok()) {
+            Some(1..) => Ok(Self::Tcp { address: address.to_owned(), backoff: Backoff::default() }),
+            _ => Err(AddressError { text: text.to_owned() }),
+        }
+    }
+}
+
+impl fmt::Display for LiveSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Follow(path) => write!(f, "{}, as it grows", path.display()),
+            Self::Standard => f.write_str("standard input"),
+            Self::Tcp { address, .. } => write!(f, "tcp://{address}"),
+        }
+    }
+}
+
+impl LiveSource {
+    /// Opens it.
+    ///
+    /// # Errors
+    /// When the file to follow cannot be opened, or standard input was given to another reader.
+    pub fn open(&self) -> std::io::Result<Box<dyn Bytes>> {
+        Ok(match self {
+            Self::Follow(path) => Box::new(Followed::open(path)?),
+            Self::Standard => Box::new(Piped::start(std::io::stdin())?),
+            Self::Tcp { address, backoff } => Box::new(Connected::new(address, *backoff)),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_are_read_and_refused() {
+        assert_eq!("-".parse(), Ok(LiveSource::Standard));
+        for address in ["phone.local:5000", "192.168.1.20:1", "[::1]:65535"] {
+            let source: LiveSource = format!("tcp://{address}").parse().unwrap();
+            assert_eq!(source.to_string(), format!("tcp://{address}"));
+        }
+        for text in
+            ["", "tcp://", "tcp://host", "tcp://:5000", "tcp://host:0", "tcp://host:65536", "udp://h:1"]
+        {
+            let error = text.parse::<LiveSource>().unwrap_err().to_string();
+            assert!(error.contains("tcp://HOST:PORT"), "{error}");
+        }
+    }
+}

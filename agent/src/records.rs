@@ -1,0 +1,122 @@
+//! Bytes of any source and format to records, in order of time.
+
+use cofix_common::decode::{Decoder, Record};
+use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+
+use crate::Stop;
+use crate::input::{Bytes, Portion};
+use crate::stream::StreamDecoder;
+
+/// Why a source gives no records.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordsError {
+    /// The source cannot be read.
+    #[error(transparent)]
+    Read(#[from] std::io::Error),
+    /// It is not what it should be.
+    #[error(transparent)]
+    Wrong(#[from] cofix_common::decode::WrongStream),
+}
+
+/// The records of a source.
+pub struct Records {
+    bytes: Box<dyn Bytes>,
+    decoder: StreamDecoder,
+    buffer: Vec<u8>,
+    ended: bool,
+    last: Option<GpsTime>,
+    /// What was skipped here; the decoder counts for itself.
+    skips: Skips,
+}
+
+impl Records {
+    /// The records of a source. `near` as in [`StreamDecoder::new`].
+    pub fn new(bytes: Box<dyn Bytes>, near: GpsTime) -> Self {
+        Self {
+            bytes,
+            decoder: StreamDecoder::new(near),
+            buffer: Vec::new(),
+            ended: false,
+            last: None,
+            skips: Skips::default(),
+        }
+    }
+
+    /// The next record; blocks until there is one. `None` at the end, and soon after a request to stop. Epochs come in
+    /// order of time: one that does not is counted and left out.
+    ///
+    /// # Errors
+    /// When the source cannot be read, or shows that it is of no format that is read.
+    pub fn next(&mut self, stop: &Stop) -> Result<Option<Record>, RecordsError> {
+        loop {
+            while let Some(record) = self.decoder.next_record() {
+                if self.is_in_order(&record) {
+                    return Ok(Some(record));
+                }
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            self.advance(stop)?;
+        }
+    }
+
+    fn advance(&mut self, stop: &Stop) -> Result<(), RecordsError> {
+        match self.bytes.next(&mut self.buffer, stop)? {
+            Portion::Bytes => self.decoder.feed(&self.buffer)?,
+            Portion::Broken => {
+                self.skips.add("connection lost and opened again, or file written anew", || {
+                    self.last.map_or("before the first epoch".to_owned(), |time| format!("after {time}"))
+                });
+                self.decoder.interrupt()?;
+            }
+            Portion::End => self.end(stop)?,
+            Portion::Lost => {
+                let reason = self.bytes.last_words().unwrap_or("no reason is known").to_owned();
+                self.skips.add("source ended before its end", || reason);
+                self.end(stop)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A stream that was cut off by a request to stop may not have been recognised yet: that is no error.
+    fn end(&mut self, stop: &Stop) -> Result<(), RecordsError> {
+        self.ended = true;
+        match self.decoder.finish() {
+            Err(_) if stop.is_requested() => Ok(()),
+            Err(wrong) => match self.bytes.last_words() {
+                None => Err(wrong.into()),
+                // Why the source failed tells more than what its rest looks like.
+                Some(reason) => Err(RecordsError::Read(std::io::Error::other(reason.to_owned()))),
+            },
+            Ok(()) => Ok(()),
+        }
+    }
+
+    fn is_in_order(&mut self, record: &Record) -> bool {
+        let Record::Epoch(epoch) = record else { return true };
+        if let Some(last) = self.last
+            && epoch.time_gps <= last
+        {
+            self.skips
+                .add("epoch not later than the one before", || format!("{} after {last}", epoch.time_gps));
+            return false;
+        }
+        self.last = Some(epoch.time_gps);
+        true
+    }
+
+    /// The decoder, for what it knows of the stream.
+    pub const fn decoder(&self) -> &StreamDecoder {
+        &self.decoder
+    }
+
+    /// What was skipped so far.
+    pub fn skips(&self) -> Skips {
+        let mut all = self.decoder.skips().clone();
+        all.merge(&self.skips);
+        all
+    }
+}

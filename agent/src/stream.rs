@@ -1,0 +1,179 @@
+//! One decoder for every format: it recognises the stream and hands it to the decoder of its kind.
+
+use std::collections::BTreeMap;
+
+use cofix_common::atmosphere::KlobucharCoefficients;
+use cofix_common::decode::{Decoder, Record, WrongStream};
+use cofix_common::gnsslogger::{self, GnssLoggerDecoder};
+use cofix_common::gsdc::DerivedDecoder;
+use cofix_common::rinex::{ObservationDecoder, ObservationHeader, leap_seconds_at};
+use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+
+use crate::format::{self, Format};
+
+/// A stream is recognised within this many bytes.
+pub const BYTES_TO_RECOGNISE: usize = 65_536;
+
+/// Decodes a stream of any format that is read.
+#[derive(Clone, Debug)]
+pub struct StreamDecoder(Kind);
+
+#[derive(Clone, Debug)]
+enum Kind {
+    /// Not recognised yet. The probe has got all the bytes.
+    Open {
+        start: Vec<u8>,
+        probe: Box<RtcmDecoder>,
+    },
+    Rinex(Format, Box<ObservationDecoder>),
+    GnssLogger(Box<GnssLoggerDecoder>),
+    Rtcm3(Box<RtcmDecoder>),
+    ChallengeTable(Box<DerivedDecoder>),
+}
+
+impl StreamDecoder {
+    /// At the beginning of a stream. `near` is an instant within three days of its beginning, which RTCM 3 needs: its
+    /// messages carry the time of week only.
+    pub fn new(near: GpsTime) -> Self {
+        // UTC is behind by seconds only: the same number except around a leap second itself.
+        let leap_seconds = u8::try_from(leap_seconds_at(near)).unwrap_or(0);
+        let probe = Box::new(RtcmDecoder::new(RtcmOptions { near, leap_seconds }));
+        Self(Kind::Open { start: Vec::new(), probe })
+    }
+
+    /// The format, once it is recognised.
+    pub fn format(&self) -> Option<Format> {
+        match &self.0 {
+            Kind::Open { .. } => None,
+            Kind::Rinex(format, _) => Some(*format),
+            Kind::GnssLogger(_) => Some(Format::GnssLogger),
+            Kind::Rtcm3(_) => Some(Format::Rtcm3),
+            Kind::ChallengeTable(_) => Some(Format::ChallengeTable),
+        }
+    }
+
+    /// Klobuchar coefficients that the stream itself carries.
+    pub fn ionosphere(&self) -> Option<KlobucharCoefficients> {
+        match &self.0 {
+            Kind::GnssLogger(decoder) => decoder.klobuchar(),
+            _ => None,
+        }
+    }
+
+    /// Seconds that GPS time is ahead of UTC by the stream itself.
+    pub fn leap_seconds(&self) -> Option<i64> {
+        match &self.0 {
+            Kind::GnssLogger(decoder) => decoder.leap_seconds(),
+            Kind::Rinex(_, decoder) => decoder.header().and_then(|header| header.leap_seconds),
+            _ => None,
+        }
+    }
+
+    /// GLONASS frequency channels by slot, as far as the stream tells them.
+    pub fn glonass_channels(&self) -> BTreeMap<u8, i8> {
+        match &self.0 {
+            Kind::GnssLogger(decoder) => decoder.glonass_channels().clone(),
+            Kind::Rtcm3(decoder) => decoder.glonass_channels().clone(),
+            Kind::Rinex(_, decoder) => {
+                decoder.header().map(|header| header.glonass_channels.clone()).unwrap_or_default()
+            }
+            _ => BTreeMap::new(),
+        }
+    }
+
+    /// The header of a RINEX stream, once it is complete.
+    pub fn header(&self) -> Option<&ObservationHeader> {
+        match &self.0 {
+            Kind::Rinex(_, decoder) => decoder.header(),
+            _ => None,
+        }
+    }
+
+    /// What follows does not continue what came before: a connection was lost. Ends a cut line, so that it spoils no
+    /// other; frames of RTCM 3 find their own beginning.
+    ///
+    /// # Errors
+    /// As [`Decoder::feed`].
+    pub fn interrupt(&mut self) -> Result<(), WrongStream> {
+        match &mut self.0 {
+            Kind::Open { start, .. } => {
+                start.clear();
+                Ok(())
+            }
+            Kind::Rtcm3(_) => Ok(()),
+            _ => self.feed(b"\n"),
+        }
+    }
+
+    fn decoder(&mut self) -> &mut dyn Decoder {
+        match &mut self.0 {
+            Kind::Open { probe, .. } => probe.as_mut(),
+            Kind::Rinex(_, decoder) => decoder.as_mut(),
+            Kind::GnssLogger(decoder) => decoder.as_mut(),
+            Kind::Rtcm3(decoder) => decoder.as_mut(),
+            Kind::ChallengeTable(decoder) => decoder.as_mut(),
+        }
+    }
+
+    /// Recognises the stream, if it can be recognised, and hands over what came so far.
+    fn recognise(&mut self, bytes: &[u8], ended: bool) -> Result<(), WrongStream> {
+        let Kind::Open { start, probe } = &mut self.0 else { return Ok(()) };
+        start.extend_from_slice(bytes);
+        // Its own verdict comes later than ours; what it skipped counts only if it is the one.
+        let _ = probe.feed(bytes);
+        let text = format::recognise_text(start, ended);
+        let kind = match text {
+            Some(format @ (Format::Rinex | Format::CompactRinex)) => Kind::Rinex(format, Box::default()),
+            Some(Format::GnssLogger) => {
+                Kind::GnssLogger(Box::new(GnssLoggerDecoder::new(gnsslogger::Options::default())))
+            }
+            Some(Format::ChallengeTable) => Kind::ChallengeTable(Box::default()),
+            Some(Format::Rtcm3) | None if probe.frames() > 0 => Kind::Rtcm3(probe.clone()),
+            Some(Format::Rtcm3) | None if ended || start.len() >= BYTES_TO_RECOGNISE => {
+                return Err(WrongStream { reason: format::unknown(start) });
+            }
+            Some(Format::Rtcm3) | None => return Ok(()),
+        };
+        let start = std::mem::take(start);
+        self.0 = kind;
+        // The probe has had these bytes already.
+        if matches!(self.0, Kind::Rtcm3(_)) { Ok(()) } else { self.decoder().feed(&start) }
+    }
+}
+
+impl Decoder for StreamDecoder {
+    fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
+        match &self.0 {
+            Kind::Open { .. } => self.recognise(bytes, false),
+            _ => self.decoder().feed(bytes),
+        }
+    }
+
+    fn finish(&mut self) -> Result<(), WrongStream> {
+        if let Kind::Open { probe, .. } = &mut self.0 {
+            // A frame may wait behind noise that looks like a longer one.
+            let _ = probe.finish();
+        }
+        self.recognise(b"", true)?;
+        self.decoder().finish()
+    }
+
+    fn next_record(&mut self) -> Option<Record> {
+        match &self.0 {
+            Kind::Open { .. } => None,
+            _ => self.decoder().next_record(),
+        }
+    }
+
+    fn skips(&self) -> &Skips {
+        match &self.0 {
+            Kind::Open { probe, .. } => probe.skips(),
+            Kind::Rinex(_, decoder) => decoder.skips(),
+            Kind::GnssLogger(decoder) => decoder.skips(),
+            Kind::Rtcm3(decoder) => decoder.skips(),
+            Kind::ChallengeTable(decoder) => decoder.skips(),
+        }
+    }
+}

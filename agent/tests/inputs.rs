@@ -1,0 +1,230 @@
+//! Live sources: a file that grows in odd portions, a server that drops the connection, garbage in between.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
+use std::io::{Cursor, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::time::Duration;
+
+use cofix_agent::Stop;
+use cofix_agent::format::Format;
+use cofix_agent::input::{Backoff, Bytes, Connected, Followed, Piped};
+use cofix_agent::records::{Records, RecordsError};
+use cofix_common::decode::Record;
+use cofix_common::gnss::ObservationEpoch;
+use cofix_common::time::GpsTime;
+
+const HEADER: &str = "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
+G    4 C1C L1C D1C S1C                                      SYS / # / OBS TYPES
+                                                            END OF HEADER
+";
+
+fn epoch(second: u32) -> String {
+    format!(
+        "> 2020 08 13 14 19 {second:2}.0000000  0  1\nG07  22100000.000 8 116000000.000 8     -1200.000 8        45.000 8\n"
+    )
+}
+
+fn file(seconds: std::ops::Range<u32>) -> String {
+    HEADER.to_owned() + &seconds.map(epoch).collect::<String>()
+}
+
+fn time(second: u32) -> GpsTime {
+    format!("2020-08-13T14:19:{second:02}").parse().unwrap()
+}
+
+fn next(records: &mut Records, stop: &Stop) -> Option<ObservationEpoch> {
+    match records.next(stop).unwrap()? {
+        Record::Epoch(epoch) => Some(epoch),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// All epochs to the end.
+fn all(records: &mut Records) -> Vec<GpsTime> {
+    let stop = Stop::default();
+    std::iter::from_fn(|| next(records, &stop)).map(|epoch| epoch.time_gps).collect()
+}
+
+fn records(bytes: impl Bytes + 'static) -> Records {
+    Records::new(Box::new(bytes), time(0))
+}
+
+fn append(path: &Path, bytes: &[u8]) {
+    let mut file = std::fs::OpenOptions::new().append(true).open(path).unwrap();
+    file.write_all(bytes).unwrap();
+}
+
+#[test]
+fn a_file_is_followed_as_it_grows_in_odd_portions() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("growing.rnx");
+    std::fs::write(&path, "").unwrap();
+    let mut records = records(Followed::open(&path).unwrap());
+    let stop = Stop::default();
+    let (text, end) = (file(0..9), stop.clone());
+    // An epoch is complete when its satellites are: the writer may go on when the reader has it.
+    let (seen, turn) = std::sync::mpsc::channel::<()>();
+    let writer = std::thread::spawn(move || {
+        for portion in text.as_bytes().chunks(37) {
+            append(&path, portion);
+        }
+        turn.recv().unwrap();
+        append(&path, epoch(9).as_bytes());
+        turn.recv().unwrap();
+        end.request();
+    });
+    for second in 0..10 {
+        assert_eq!(next(&mut records, &stop).unwrap().time_gps, time(second));
+        if second >= 8 {
+            seen.send(()).unwrap();
+        }
+    }
+    assert!(next(&mut records, &stop).is_none(), "a request to stop is the end");
+    writer.join().unwrap();
+    assert_eq!(records.decoder().format(), Some(Format::Rinex));
+    assert!(records.skips().is_empty(), "{}", records.skips());
+}
+
+#[test]
+fn a_file_written_anew_is_read_from_its_beginning() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rewritten.rnx");
+    std::fs::write(&path, file(0..20)).unwrap();
+    let mut records = records(Followed::open(&path).unwrap());
+    let stop = Stop::default();
+    for second in 0..20 {
+        assert_eq!(next(&mut records, &stop).unwrap().time_gps, time(second));
+    }
+    // Shorter, and with new epochs only: the old ones come no second time.
+    std::fs::write(&path, file(18..24)).unwrap();
+    for second in 20..24 {
+        assert_eq!(next(&mut records, &stop).unwrap().time_gps, time(second));
+    }
+    assert_eq!(records.skips().count("connection lost and opened again, or file written anew"), 1);
+}
+
+#[test]
+fn a_pipe_ends_with_its_writer() {
+    let mut records = records(Piped::start(Cursor::new(file(0..5).into_bytes())).unwrap());
+    assert_eq!(all(&mut records), (0..5).map(time).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_silent_pipe_hears_the_request_to_stop() {
+    struct Silent;
+    impl std::io::Read for Silent {
+        fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+            std::thread::park();
+            Ok(0)
+        }
+    }
+    let stop = Stop::default();
+    stop.request();
+    let mut records = records(Piped::start(Silent).unwrap());
+    assert!(records.next(&stop).unwrap().is_none());
+}
+
+fn quick(attempts: u32) -> Backoff {
+    let (first, longest) = (Duration::from_millis(1), Duration::from_millis(5));
+    Backoff { first, longest, attempts, silence: Duration::from_hours(1) }
+}
+
+/// A server that sends each of `portions` to one connection and drops it. The last connection ends when it is told.
+fn server(portions: Vec<Vec<u8>>) -> (String, std::thread::JoinHandle<()>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let serving = std::thread::spawn(move || {
+        for portion in portions {
+            let (mut connection, _): (TcpStream, _) = listener.accept().unwrap();
+            connection.write_all(&portion).unwrap();
+        }
+    });
+    (address, serving)
+}
+
+#[test]
+fn a_lost_connection_is_opened_again() {
+    let text = file(0..10);
+    // Dropped in the middle of epoch 4's satellite line; garbage of the restart; then the rest from epoch 6 on.
+    let cut = text.find(&epoch(5)).unwrap() - 30;
+    let mut second = b"\x00\xffboot\r\nnonsense 17 \n".to_vec();
+    second.extend_from_slice(&text.as_bytes()[text.find(&epoch(6)).unwrap()..]);
+    let (address, serving) = server(vec![text.as_bytes()[..cut].to_vec(), second]);
+    let mut records = records(Connected::new(&address, quick(4)));
+    let times = all(&mut records);
+    serving.join().unwrap();
+    assert_eq!(times[..4], (0..4).map(time).collect::<Vec<_>>());
+    assert_eq!(times[times.len() - 4..], (6..10).map(time).collect::<Vec<_>>());
+    let skips = records.skips();
+    assert_eq!(skips.count("connection lost and opened again, or file written anew"), 1, "{skips}");
+    assert_eq!(skips.count("source ended before its end"), 1, "the server is gone for good: {skips}");
+}
+
+#[test]
+fn a_server_that_was_never_there_is_an_error_that_names_it() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    drop(listener);
+    let mut records = records(Connected::new(&address, quick(3)));
+    let Err(RecordsError::Read(error)) = records.next(&Stop::default()) else { panic!("an error is due") };
+    let said = error.to_string();
+    assert!(said.contains(&address) && said.contains("3 attempts"), "{said}");
+}
+
+#[test]
+fn a_request_to_stop_ends_the_attempts() {
+    let backoff = Backoff { first: Duration::from_hours(1), ..Backoff::default() };
+    let (address, serving) = server(vec![file(0..1).into_bytes()]);
+    let mut records = records(Connected::new(&address, backoff));
+    let stop = Stop::default();
+    assert_eq!(next(&mut records, &stop).unwrap().time_gps, time(0));
+    serving.join().unwrap();
+    let other = stop.clone();
+    let asked = std::thread::spawn(move || other.request());
+    assert!(next(&mut records, &stop).is_none());
+    asked.join().unwrap();
+}
+
+/// An RTCM 3 frame with a message that is not read.
+fn frame() -> Vec<u8> {
+    let mut frame = vec![0xd3, 0, 2, 0x40, 0x00];
+    let mut crc = 0_u32;
+    for byte in &frame {
+        crc ^= u32::from(*byte) << 16;
+        for _ in 0..8 {
+            crc <<= 1;
+            if crc & 0x0100_0000 != 0 {
+                crc ^= 0x0186_4cfb;
+            }
+        }
+    }
+    frame.extend_from_slice(&crc.to_be_bytes()[1..]);
+    frame
+}
+
+#[test]
+fn rtcm_is_recognised_behind_noise() {
+    let mut bytes = b"\xd3\x00noise\r\n".repeat(9);
+    bytes.extend(frame());
+    bytes.extend(b"\xd3\xff");
+    bytes.extend(frame());
+    let mut records = records(Piped::start(Cursor::new(bytes)).unwrap());
+    assert!(all(&mut records).is_empty());
+    assert_eq!(records.decoder().format(), Some(Format::Rtcm3));
+    assert_eq!(records.skips().count("message 1024 is not read"), 2, "{}", records.skips());
+}
+
+#[test]
+fn what_is_unknown_is_named_and_shown() {
+    for (bytes, said) in [
+        (b"$GPGGA,1,2\r\n".to_vec(), "NMEA"),
+        (vec![b'x'; 100_000], "begins with 'xxxx"),
+        (Vec::new(), "it is empty"),
+    ] {
+        let mut records = records(Piped::start(Cursor::new(bytes)).unwrap());
+        let error = records.next(&Stop::default()).unwrap_err().to_string();
+        assert!(error.contains(said) && error.contains("RTCM 3"), "{error}");
+    }
+}

@@ -1,0 +1,42 @@
+//! RINEX 3.05 as text: observation and navigation files (Romero: RINEX 3.05).
+//!
+//! What comes out, read again, is what went in, to the digits that the format has.
+
+mod navigation;
+mod observation;
+
+pub use navigation::{navigation_header, navigation_record};
+pub use observation::{ObservationLayout, ObservationWriter, RecordingInfo};
+
+/// A header line.
+fn labelled(text: &str, label: &str) -> String {
+    format!("{text:<60}{label}\n")
+}
+
+fn program_line(created: &str) -> String {
+    labelled(&format!("{:<20}{:<20}{created:<20}", "cofix", ""), "PGM / RUN BY / DATE")
+}
+
+/// A number as Fortran's Dw.d prints it, `digits` after the point, with E for the exponent; blank when it is none.
+fn scientific(value: f64, width: usize, digits: usize) -> String {
+    if !value.is_finite() {
+        return " ".repeat(width);
+    }
+    let text = format!("{value:.digits$E}");
+    let (mantissa, exponent) = text.split_once('E').unwrap_or((&text, "0"));
+    let (sign, exponent) = exponent.strip_prefix('-').map_or(('+', exponent), |rest| ('-', rest));
+    format!("{:>width$}", format!("{mantissa}E{sign}{exponent:0>2}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_printed_as_fortran_does() {
+        assert_eq!(scientific(-1.5e-5, 19, 12), "-1.500000000000E-05");
+        assert_eq!(scientific(0.0, 19, 12), " 0.000000000000E+00");
+        assert_eq!(scientific(9.999e9, 12, 4), "  9.9990E+09");
+        assert_eq!(scientific(f64::NAN, 5, 1), "     ");
+    }
+}
