@@ -35,7 +35,6 @@ fn take(decoder: &mut RtcmDecoder) -> Vec<ObservationEpoch> {
     std::iter::from_fn(|| decoder.next_record())
         .map(|record| match record {
             Record::Epoch(epoch) => epoch,
-            Record::Glonass(e) => panic!("{e:?}"),
             Record::Ephemeris(e) => panic!("no ephemerides in this stream, but {}", e.satellite),
             Record::Glonass(e) => panic!("no ephemerides in this stream, but {}", e.satellite),
         })
