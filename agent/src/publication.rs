@@ -16,7 +16,7 @@ use zenoh::qos::{CongestionControl, Reliability};
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
 
-use crate::Stop;
+use crate::{Stop, link};
 
 /// How often a late last sample is announced.
 const HEARTBEAT: Duration = Duration::from_millis(500);
@@ -24,6 +24,8 @@ const HEARTBEAT: Duration = Duration::from_millis(500);
 const POLL: Duration = Duration::from_millis(5);
 /// Longest wait for an answer to one question about receipts.
 const ANSWER: Duration = Duration::from_secs(2);
+/// Longest wait for receipts without progress once asked to stop.
+const LAST_WORDS: Duration = Duration::from_secs(1);
 
 /// Why something could not be published.
 #[derive(Debug, thiserror::Error)]
@@ -37,6 +39,9 @@ pub enum PublicationError {
     /// Zenoh refuses.
     #[error("Zenoh: {0}")]
     Zenoh(String),
+    /// The hub does not want this phone.
+    #[error("the hub refuses the phone: {0}")]
+    Refused(String),
     /// Nobody subscribes.
     #[error(
         "connected, but no hub listens for group '{group}' within {waited_s:.0} s: does it run this group?"
@@ -49,8 +54,9 @@ pub enum PublicationError {
     },
 }
 
+#[allow(clippy::needless_pass_by_value)] // for `map_err`
 fn zenoh_error(error: impl std::fmt::Display) -> PublicationError {
-    PublicationError::Zenoh(error.to_string())
+    PublicationError::Zenoh(link::plain(&error))
 }
 
 /// Who publishes.
@@ -141,33 +147,56 @@ impl Publication {
         self.published
     }
 
-    /// Asks the hub until it has every epoch, or has made no progress for `patience`. How many it has; `None` when it
-    /// never answered.
+    /// Asks the hub whether it knows the phone. A hub that does not answer is taken to.
+    ///
+    /// # Errors
+    /// When the session has no such phone.
+    pub fn introduce(&self) -> Result<(), PublicationError> {
+        self.ask_for_receipt().map(drop)
+    }
+
+    /// Asks the hub until it has every epoch, or has made no progress for `patience`; less once asked to stop. How many it has;
+    /// `None` when it never answered.
     pub fn wait_for_receipt(&self, patience: Duration, stop: &Stop) -> Option<u64> {
         let mut progress = Instant::now();
         let mut received = None;
-        while received < Some(self.published) && progress.elapsed() < patience {
-            let answer = self.ask_for_receipt();
+        let patient = |progress: Instant| {
+            let limit = if stop.is_requested() { patience.min(LAST_WORDS) } else { patience };
+            progress.elapsed() < limit
+        };
+        while received < Some(self.published) && patient(progress) {
+            let Ok(answer) = self.ask_for_receipt() else { break };
             if answer > received {
                 received = answer;
                 progress = Instant::now();
-            } else if stop.sleep(POLL) {
-                break;
+            } else {
+                std::thread::sleep(POLL);
             }
         }
         received
     }
 
-    fn ask_for_receipt(&self) -> Option<u64> {
-        let replies = self.session.get(&self.receipt_key).timeout(ANSWER).wait().ok()?;
+    fn ask_for_receipt(&self) -> Result<Option<u64>, PublicationError> {
+        let Ok(replies) = self.session.get(&self.receipt_key).timeout(ANSWER).wait() else { return Ok(None) };
         while let Ok(reply) = replies.recv() {
-            let text = reply.result().ok().map(|sample| sample.payload().to_bytes().into_owned());
-            let count = text.and_then(|bytes| String::from_utf8(bytes).ok()?.parse().ok());
-            if count.is_some() {
-                return count;
+            match reply.result() {
+                Ok(sample) => {
+                    let count =
+                        std::str::from_utf8(&sample.payload().to_bytes()).ok().and_then(|t| t.parse().ok());
+                    if count.is_some() {
+                        return Ok(count);
+                    }
+                }
+                Err(error) => {
+                    let text = String::from_utf8_lossy(&error.payload().to_bytes()).into_owned();
+                    // Zenoh answers a question that nobody answered in time.
+                    if text.starts_with("the session") {
+                        return Err(PublicationError::Refused(text));
+                    }
+                }
             }
         }
-        None
+        Ok(None)
     }
 
     /// Takes everything back and closes the session.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use cofix_common::skips::Skips;
-use cofix_common::wire::PhoneStatus;
+use cofix_common::wire::{PhoneStatus, check_name};
 
 use crate::link::{self, LinkError};
 use crate::pace::Pace;
@@ -48,12 +48,18 @@ pub struct AgentReport {
 /// Runs an agent to the end of its source, or until asked to stop. Blocks.
 ///
 /// # Errors
-/// When a file cannot be used, the hub cannot be reached or does not listen, or did not confirm all epochs.
+/// When a name or a file cannot be used, the hub cannot be reached, does not listen or does not know the phone, or did not confirm all
+/// epochs.
 pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError> {
+    for name in [&config.group, &config.phone] {
+        check_name(name).map_err(PublicationError::from)?;
+    }
     let observations = source::observations(&config.source)?;
     let (products, product_skips) = source::products(&config.products)?;
     let covering = Arc::clone(&products);
-    let session = link::connect(&config.connect, config.patience)?;
+    let Some(session) = link::connect_unless_stopped(&config.connect, config.patience, stop)? else {
+        return Ok(AgentReport { epochs_published: 0, stopped: true, skips: Skips::default() });
+    };
     let publisher =
         Publisher { group: &config.group, phone: &config.phone, kept_messages: config.kept_messages };
     let mut publication = Publication::declare(session, publisher)?;
@@ -83,6 +89,7 @@ fn publish(
     if !publication.wait_for_listener(config.patience, stop)? {
         return Ok(());
     }
+    publication.introduce()?;
     let epochs_expected = u64::try_from(observations.epochs.len()).ok();
     publication.status(PhoneStatus::Started { summary: summary(config), epochs_expected })?;
     let mut pace = Pace::new(config.speed);
@@ -103,6 +110,9 @@ fn finish(
     skips: &Skips,
     stop: &Stop,
 ) -> Result<(), AgentError> {
+    if matches!(outcome, Err(AgentError::Publication(PublicationError::Refused(_)))) {
+        return Ok(());
+    }
     let stopped = stop.is_requested().then(|| "stopped before the end of the source".to_owned());
     let error = outcome.as_ref().err().map(ToString::to_string).or(stopped);
     let published = publication.published();
@@ -111,7 +121,7 @@ fn finish(
         return Ok(());
     }
     match publication.wait_for_receipt(config.patience, stop).unwrap_or(0) {
-        confirmed if confirmed >= published || stop.is_requested() => Ok(()),
+        confirmed if confirmed >= published => Ok(()),
         confirmed => Err(AgentError::NotConfirmed { confirmed, published }),
     }
 }

@@ -35,7 +35,7 @@ pub struct LiveOptions {
 pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let phones = session.phone_names();
     let truths = read_truths(&session.phones)?;
-    let (network, events) = Network::listen(&session.group, &options.listen)?;
+    let (network, events) = Network::listen(&session.group, &phones, &options.listen)?;
     let scores = Scores::new(truths, session.truth_quality.clone());
     // A listener that does not keep up must not hold up the hub.
     let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Drop), scores);
@@ -53,6 +53,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
         phones,
     });
     group.work(&events, stop)?;
+    group.see_off(&events, stop);
     let outcome = outcome(&mut group, &Skips::default())?;
     network.close()?;
     Ok(outcome)

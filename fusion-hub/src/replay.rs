@@ -156,7 +156,8 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
     if !product_skips.is_empty() {
         tracing::info!("products: {product_skips}");
     }
-    let (network, events) = Network::listen(&plan.group, &[LOOPBACK.to_owned()])?;
+    let names: Vec<String> = plan.phones.iter().map(|phone| phone.name.clone()).collect();
+    let (network, events) = Network::listen(&plan.group, &names, &[LOOPBACK.to_owned()])?;
     let connect = network.endpoints();
     if connect.is_empty() {
         bail!("Zenoh does not say which port it listens on");
