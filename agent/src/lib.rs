@@ -15,6 +15,7 @@ mod pace;
 pub mod pipeline;
 pub mod publication;
 mod run;
+pub mod signals;
 pub mod source;
 mod stop;
 

@@ -115,6 +115,7 @@ impl Group {
             }
             self.fuse_ready()?;
             self.fuse_overdue()?;
+            self.outputs.tick();
             self.check_stragglers()?;
         }
         if stop.is_requested() && self.course == Course::Replay {
