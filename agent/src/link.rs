@@ -158,7 +158,7 @@ mod tests {
         let stop = Stop::default();
         let asked = stop.clone();
         let endpoints = ["tcp/127.0.0.1:9".to_owned()];
-        let day = Duration::from_secs(86_400);
+        let day = Duration::from_hours(24);
         let attempts = std::thread::spawn(move || connect_unless_stopped(&endpoints, day, &asked));
         stop.request();
         assert!(matches!(attempts.join().unwrap(), Ok(None)));

@@ -113,11 +113,14 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
     Ok(PlannedPhone { name: phone.name.clone(), source: Source::File(observations), truth })
 }
 
+/// Phones' names and truths.
+pub type NamedTruths = Vec<(String, Option<Truth>)>;
+
 /// Reads the phones' truths, each file once; phones are in order, with their names.
 ///
 /// # Errors
 /// When a file cannot be read or holds no truth.
-pub fn read_truths(phones: &[SessionPhone]) -> anyhow::Result<Vec<(String, Option<Truth>)>> {
+pub fn read_truths(phones: &[SessionPhone]) -> anyhow::Result<NamedTruths> {
     read_truths_counted(phones).map(|(truths, _)| truths)
 }
 
@@ -125,7 +128,7 @@ pub fn read_truths(phones: &[SessionPhone]) -> anyhow::Result<Vec<(String, Optio
 ///
 /// # Errors
 /// When a file cannot be read or holds no truth.
-pub fn read_truths_counted(phones: &[SessionPhone]) -> anyhow::Result<(Vec<(String, Option<Truth>)>, Skips)> {
+pub fn read_truths_counted(phones: &[SessionPhone]) -> anyhow::Result<(NamedTruths, Skips)> {
     let mut skips = Skips::default();
     let mut known: BTreeMap<&Path, Truth> = BTreeMap::new();
     let mut truths = Vec::with_capacity(phones.len());
@@ -293,4 +296,28 @@ pub(crate) fn outcome(group: &mut Group, more_skips: &Skips) -> Outcome {
     }
     let failure = outputs.failure().map(str::to_owned);
     Outcome { report, table, recording, failure }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_rows_of_a_truth_are_counted_under_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("truth.csv");
+        let text = "gps_week,gps_tow_s,latitude_deg,longitude_deg,ellipsoidal_height_m,velocity_north_mps,\
+            velocity_east_mps,velocity_up_mps,quality\n2118,1.0,30.0,114.0,20.0,0,0,0,1\n2118,nonsense,30.0,114.0,20.0,0,0,0,1\n";
+        std::fs::write(&path, text).unwrap();
+        let phone = |name: &str| SessionPhone {
+            name: name.to_owned(),
+            observations: None,
+            truth: Some(path.clone()),
+        };
+        let (truths, skips) = read_truths_counted(&[phone("a"), phone("b")]).unwrap();
+        assert!(truths.iter().all(|(_, truth)| truth.is_some()));
+        assert_eq!(skips.total(), 1, "one file, read once: {skips}");
+        let (reason, skip) = skips.iter().next().unwrap();
+        assert!(reason.starts_with("truth: ") && skip.first.contains("truth.csv: "), "{skips}");
+    }
 }

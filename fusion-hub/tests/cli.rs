@@ -148,3 +148,22 @@ fn signals_end_a_live_hub_in_order() {
         assert!(folder.path().join("live.json").exists() && folder.path().join("live.rrd").exists());
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_recording_that_breaks_off_fails_at_the_end_and_costs_nothing_else() {
+    use std::io::Read;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("demo.rrd");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    let reader = std::thread::spawn(move || {
+        let mut first = Vec::new();
+        std::fs::File::open(path).unwrap().take(200_000).read_to_end(&mut first).unwrap();
+    });
+    let assert = hub(folder.path(), &["demo", "--recording", "demo.rrd", "--report", "demo.json"]).code(1);
+    reader.join().unwrap();
+    let output = assert.get_output();
+    assert!(String::from_utf8_lossy(&output.stdout).contains("| joint  | SIM3 "));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("the recording is incomplete"));
+    assert!(folder.path().join("demo.json").exists());
+}
