@@ -2,9 +2,13 @@
 //!
 //! - The first epoch waits until somebody listens.
 //! - The last messages are kept, so that a hub that comes late or reconnects gets what it missed, in order.
+//! - When a listener comes in mid-run, nothing is said for a moment, so that it asks for the history first: what is older than the first
+//!   sample that it gets would not reach it any more. (What is published in the very milliseconds of its coming may still hide the
+//!   history; the hub then counts what is missing.)
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until that is all of them.
 
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use cofix_common::wire::{
@@ -20,6 +24,8 @@ use crate::{Stop, link};
 
 /// How often a late last sample is announced.
 const HEARTBEAT: Duration = Duration::from_millis(500);
+/// How long nothing is said after a listener has come in mid-run.
+const HUSH: Duration = Duration::from_millis(500);
 /// How often something awaited is looked at.
 const POLL: Duration = Duration::from_millis(5);
 /// Longest wait for an answer to one question about receipts.
@@ -80,6 +86,10 @@ pub struct Publication {
     status: AdvancedPublisher<'static>,
     alive: LivelinessToken,
     published: u64,
+    /// When the first epoch was published.
+    begun: Option<Instant>,
+    /// When somebody last began to listen to epochs.
+    listened_since: Arc<Mutex<Option<Instant>>>,
 }
 
 impl Publication {
@@ -91,6 +101,17 @@ impl Publication {
         let Publisher { group, phone, kept_messages } = publisher;
         let epochs = declare(&session, epoch_key(group, phone)?, kept_messages)?;
         let status = declare(&session, status_key(group, phone)?, 2)?;
+        let listened_since = Arc::new(Mutex::new(None));
+        let since = Arc::clone(&listened_since);
+        epochs
+            .matching_listener()
+            .callback(move |status| {
+                let now = status.matching().then(Instant::now);
+                *since.lock().unwrap_or_else(PoisonError::into_inner) = now;
+            })
+            .background()
+            .wait()
+            .map_err(zenoh_error)?;
         let alive =
             session.liveliness().declare_token(liveliness_key(group, phone)?).wait().map_err(zenoh_error)?;
         Ok(Self {
@@ -102,6 +123,8 @@ impl Publication {
             status,
             alive,
             published: 0,
+            begun: None,
+            listened_since,
         })
     }
 
@@ -128,6 +151,11 @@ impl Publication {
     /// # Errors
     /// When the message cannot be encoded, or Zenoh refuses.
     pub fn epoch(&mut self, message: &EpochMessage) -> Result<(), PublicationError> {
+        let begun = *self.begun.get_or_insert_with(Instant::now);
+        let since = *self.listened_since.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(since) = since.filter(|since| *since > begun) {
+            std::thread::sleep(HUSH.saturating_sub(since.elapsed()));
+        }
         self.epochs.put(encode(message)?).wait().map_err(zenoh_error)?;
         self.published += 1;
         Ok(())

@@ -296,9 +296,6 @@ fn a_late_live_hub_loses_nothing_of_two_phones() {
     let second = Hub::start_at(&plan, Course::Live { until_finished: true }, &endpoint).unwrap();
     for (publication, sent) in publications.iter_mut().zip(&sent) {
         assert!(publication.wait_for_listener(Duration::from_secs(20), &Stop::default()).unwrap());
-        // One phone's history is complete before the other's is asked for.
-        let history = publication.wait_for_receipt(Duration::from_secs(20), &Stop::default());
-        assert_eq!(history, Some(40));
         for message in &sent[40..] {
             publication.epoch(message).unwrap();
         }
