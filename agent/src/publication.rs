@@ -3,8 +3,8 @@
 //! - The first epoch waits until somebody listens.
 //! - The last messages are kept, so that a hub that comes late or reconnects gets what it missed, in order.
 //! - When a listener comes in mid-run, nothing is said for a moment, so that it asks for the history first: what is older than the first
-//!   sample that it gets would not reach it any more. (What is published in the very milliseconds of its coming may still hide the
-//!   history; the hub then counts what is missing.)
+//!   sample that it gets would not reach it any more. (This helps
+//!   and is no guarantee: a history that does not come is counted by the hub as missing.)
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until that is all of them.
 
@@ -143,6 +143,7 @@ impl Publication {
                 return Ok(false);
             }
         }
+        self.listened_since()?;
         Ok(true)
     }
 
@@ -152,13 +153,21 @@ impl Publication {
     /// When the message cannot be encoded, or Zenoh refuses.
     pub fn epoch(&mut self, message: &EpochMessage) -> Result<(), PublicationError> {
         let begun = *self.begun.get_or_insert_with(Instant::now);
-        let since = *self.listened_since.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(since) = since.filter(|since| *since > begun) {
+        if let Some(since) = self.listened_since()?.filter(|since| *since > begun) {
             std::thread::sleep(HUSH.saturating_sub(since.elapsed()));
         }
         self.epochs.put(encode(message)?).wait().map_err(zenoh_error)?;
         self.published += 1;
         Ok(())
+    }
+
+    /// Since when somebody listens to epochs. Zenoh's word that a listener has come may be later than the listener.
+    fn listened_since(&self) -> Result<Option<Instant>, PublicationError> {
+        if !listened(&self.epochs)? {
+            return Ok(None);
+        }
+        let mut since = self.listened_since.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(Some(*since.get_or_insert_with(Instant::now)))
     }
 
     /// Publishes a status.
