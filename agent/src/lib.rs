@@ -22,6 +22,7 @@ pub mod products;
 pub mod publication;
 pub mod records;
 mod run;
+pub mod signals;
 pub mod source;
 mod stop;
 pub mod stream;

@@ -1,8 +1,13 @@
 //! Zenoh sessions with explicit endpoints and no scouting.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use zenoh::{Config, Session, Wait};
+
+use crate::Stop;
+
+/// Longest attempt to connect before the request to stop is looked at.
+const SLICE: Duration = Duration::from_secs(1);
 
 /// A session that cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -40,14 +45,69 @@ pub enum LinkError {
 /// # Errors
 /// When an endpoint is malformed or none answers in time.
 pub fn connect(endpoints: &[String], patience: Duration) -> Result<Session, LinkError> {
-    let milliseconds = patience.as_millis().to_string();
+    match connect_unless_stopped(endpoints, patience, &Stop::default()) {
+        Ok(Some(session)) => Ok(session),
+        Ok(None) => Err(unreachable(endpoints, Duration::ZERO, "asked to stop".to_owned())),
+        Err(error) => Err(error),
+    }
+}
+
+/// Like [`connect`]; `None` when asked to stop meanwhile, which is noticed within about a second.
+///
+/// # Errors
+/// When an endpoint is malformed or none answers in time.
+pub fn connect_unless_stopped(
+    endpoints: &[String],
+    patience: Duration,
+    stop: &Stop,
+) -> Result<Option<Session>, LinkError> {
+    let start = Instant::now();
+    loop {
+        if stop.is_requested() {
+            return Ok(None);
+        }
+        let slice = patience.saturating_sub(start.elapsed()).min(SLICE);
+        let begun = Instant::now();
+        let reason = match attempt(endpoints, slice)? {
+            Ok(session) => return Ok(Some(session)),
+            Err(error) => plain(&error),
+        };
+        if start.elapsed() >= patience {
+            return Err(unreachable(endpoints, patience, reason));
+        }
+        // An attempt may fail at once.
+        if stop.sleep(slice.saturating_sub(begun.elapsed())) {
+            return Ok(None);
+        }
+    }
+}
+
+fn attempt(endpoints: &[String], patience: Duration) -> Result<zenoh::Result<Session>, LinkError> {
+    let milliseconds = patience.as_millis().max(1).to_string();
     let config = config("client", "connect/endpoints", endpoints)
         .and_then(|config| with(config, "connect/timeout_ms", &milliseconds, endpoints))?;
-    zenoh::open(config).wait().map_err(|error| LinkError::Unreachable {
-        endpoints: endpoints.join(", "),
-        waited_s: patience.as_secs_f64(),
-        reason: error.to_string(),
-    })
+    Ok(zenoh::open(config).wait())
+}
+
+fn unreachable(endpoints: &[String], waited: Duration, reason: String) -> LinkError {
+    LinkError::Unreachable { endpoints: endpoints.join(", "), waited_s: waited.as_secs_f64(), reason }
+}
+
+/// What Zenoh says, without the places in its source.
+pub fn plain(error: &impl std::fmt::Display) -> String {
+    let text = error.to_string();
+    let mut parts = text.split(" at ");
+    let mut plain = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (place, rest) = part.split_at(part.find(char::is_whitespace).unwrap_or(part.len()));
+        if place.contains(".rs:") {
+            plain.push_str(rest);
+        } else {
+            plain.push_str(" at ");
+            plain.push_str(part);
+        }
+    }
+    plain.trim_end_matches(['.', ' ']).to_owned()
 }
 
 /// Opens a session that listens on `endpoints` and routes between those who connect. Blocks.
@@ -58,7 +118,7 @@ pub fn listen(endpoints: &[String]) -> Result<Session, LinkError> {
     let config = config("router", "listen/endpoints", endpoints)?;
     zenoh::open(config)
         .wait()
-        .map_err(|error| LinkError::Listen { endpoints: endpoints.join(", "), reason: error.to_string() })
+        .map_err(|error| LinkError::Listen { endpoints: endpoints.join(", "), reason: plain(&error) })
 }
 
 fn config(mode: &str, key: &str, endpoints: &[String]) -> Result<Config, LinkError> {
@@ -76,9 +136,31 @@ fn config(mode: &str, key: &str, endpoints: &[String]) -> Result<Config, LinkErr
 }
 
 fn with(mut config: Config, key: &str, json: &str, endpoints: &[String]) -> Result<Config, LinkError> {
-    config.insert_json5(key, json).map_err(|error| LinkError::Endpoint {
-        endpoints: endpoints.join(", "),
-        reason: error.to_string(),
-    })?;
+    config
+        .insert_json5(key, json)
+        .map_err(|error| LinkError::Endpoint { endpoints: endpoints.join(", "), reason: plain(&error) })?;
     Ok(config)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_in_foreign_source_are_left_out() {
+        let text = "Unable to connect to tcp/127.0.0.1:9 at /home/x/zenoh-1.10/src/net/mod.rs:123. - Caused by refused at once at b/c.rs:4.";
+        assert_eq!(plain(&text), "Unable to connect to tcp/127.0.0.1:9 - Caused by refused at once");
+        assert_eq!(plain(&"no place at all."), "no place at all");
+    }
+
+    #[test]
+    fn a_request_to_stop_ends_the_attempts() {
+        let stop = Stop::default();
+        let asked = stop.clone();
+        let endpoints = ["tcp/127.0.0.1:9".to_owned()];
+        let day = Duration::from_hours(24);
+        let attempts = std::thread::spawn(move || connect_unless_stopped(&endpoints, day, &asked));
+        stop.request();
+        assert!(matches!(attempts.join().unwrap(), Ok(None)));
+    }
 }

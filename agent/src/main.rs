@@ -94,7 +94,7 @@ struct Publish {
     #[arg(long, default_value = "1")]
     speed: Speed,
     /// Seconds to wait for the hub before giving up
-    #[arg(long, value_name = "SECONDS", default_value_t = 10)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     patience: u64,
 }
 
@@ -202,7 +202,7 @@ fn start(config: AgentConfig) -> anyhow::Result<()> {
         let stop = Stop::default();
         let interrupted = stop.clone();
         tokio::spawn(async move {
-            if tokio::signal::ctrl_c().await.is_ok() {
+            if cofix_agent::signals::asked_to_end().await.is_ok() {
                 interrupted.request();
             }
         });

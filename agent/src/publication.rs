@@ -2,9 +2,13 @@
 //!
 //! - The first epoch waits until somebody listens.
 //! - The last messages are kept, so that a hub that comes late or reconnects gets what it missed, in order.
+//! - When a listener comes in mid-run, nothing is said for a moment, so that it asks for the history first: what is older than the first
+//!   sample that it gets would not reach it any more. (This helps
+//!   and is no guarantee: a history that does not come is counted by the hub as missing.)
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until that is all of them.
 
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use cofix_common::wire::{
@@ -16,14 +20,18 @@ use zenoh::qos::{CongestionControl, Reliability};
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
 
-use crate::Stop;
+use crate::{Stop, link};
 
 /// How often a late last sample is announced.
 const HEARTBEAT: Duration = Duration::from_millis(500);
+/// How long nothing is said after a listener has come in mid-run.
+const HUSH: Duration = Duration::from_millis(500);
 /// How often something awaited is looked at.
 const POLL: Duration = Duration::from_millis(5);
 /// Longest wait for an answer to one question about receipts.
 const ANSWER: Duration = Duration::from_secs(2);
+/// Longest wait for receipts without progress once asked to stop.
+const LAST_WORDS: Duration = Duration::from_secs(1);
 
 /// Why something could not be published.
 #[derive(Debug, thiserror::Error)]
@@ -37,6 +45,9 @@ pub enum PublicationError {
     /// Zenoh refuses.
     #[error("Zenoh: {0}")]
     Zenoh(String),
+    /// The hub does not want this phone.
+    #[error("the hub refuses the phone: {0}")]
+    Refused(String),
     /// Nobody subscribes.
     #[error(
         "connected, but no hub listens for group '{group}' within {waited_s:.0} s: does it run this group?"
@@ -49,8 +60,9 @@ pub enum PublicationError {
     },
 }
 
+#[allow(clippy::needless_pass_by_value)] // for `map_err`
 fn zenoh_error(error: impl std::fmt::Display) -> PublicationError {
-    PublicationError::Zenoh(error.to_string())
+    PublicationError::Zenoh(link::plain(&error))
 }
 
 /// Who publishes.
@@ -74,6 +86,10 @@ pub struct Publication {
     status: AdvancedPublisher<'static>,
     alive: LivelinessToken,
     published: u64,
+    /// When the first epoch was published.
+    begun: Option<Instant>,
+    /// When somebody last began to listen to epochs.
+    listened_since: Arc<Mutex<Option<Instant>>>,
 }
 
 impl Publication {
@@ -85,6 +101,17 @@ impl Publication {
         let Publisher { group, phone, kept_messages } = publisher;
         let epochs = declare(&session, epoch_key(group, phone)?, kept_messages)?;
         let status = declare(&session, status_key(group, phone)?, 2)?;
+        let listened_since = Arc::new(Mutex::new(None));
+        let since = Arc::clone(&listened_since);
+        epochs
+            .matching_listener()
+            .callback(move |status| {
+                let now = status.matching().then(Instant::now);
+                *since.lock().unwrap_or_else(PoisonError::into_inner) = now;
+            })
+            .background()
+            .wait()
+            .map_err(zenoh_error)?;
         let alive =
             session.liveliness().declare_token(liveliness_key(group, phone)?).wait().map_err(zenoh_error)?;
         Ok(Self {
@@ -96,6 +123,8 @@ impl Publication {
             status,
             alive,
             published: 0,
+            begun: None,
+            listened_since,
         })
     }
 
@@ -114,6 +143,7 @@ impl Publication {
                 return Ok(false);
             }
         }
+        self.listened_since()?;
         Ok(true)
     }
 
@@ -122,9 +152,22 @@ impl Publication {
     /// # Errors
     /// When the message cannot be encoded, or Zenoh refuses.
     pub fn epoch(&mut self, message: &EpochMessage) -> Result<(), PublicationError> {
+        let begun = *self.begun.get_or_insert_with(Instant::now);
+        if let Some(since) = self.listened_since()?.filter(|since| *since > begun) {
+            std::thread::sleep(HUSH.saturating_sub(since.elapsed()));
+        }
         self.epochs.put(encode(message)?).wait().map_err(zenoh_error)?;
         self.published += 1;
         Ok(())
+    }
+
+    /// Since when somebody listens to epochs. Zenoh's word that a listener has come may be later than the listener.
+    fn listened_since(&self) -> Result<Option<Instant>, PublicationError> {
+        if !listened(&self.epochs)? {
+            return Ok(None);
+        }
+        let mut since = self.listened_since.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(Some(*since.get_or_insert_with(Instant::now)))
     }
 
     /// Publishes a status.
@@ -141,33 +184,56 @@ impl Publication {
         self.published
     }
 
-    /// Asks the hub until it has every epoch, or has made no progress for `patience`. How many it has; `None` when it
-    /// never answered.
+    /// Asks the hub whether it knows the phone. A hub that does not answer is taken to.
+    ///
+    /// # Errors
+    /// When the session has no such phone.
+    pub fn introduce(&self) -> Result<(), PublicationError> {
+        self.ask_for_receipt().map(drop)
+    }
+
+    /// Asks the hub until it has every epoch, or has made no progress for `patience`; less once asked to stop. How many it has;
+    /// `None` when it never answered.
     pub fn wait_for_receipt(&self, patience: Duration, stop: &Stop) -> Option<u64> {
         let mut progress = Instant::now();
         let mut received = None;
-        while received < Some(self.published) && progress.elapsed() < patience {
-            let answer = self.ask_for_receipt();
+        let patient = |progress: Instant| {
+            let limit = if stop.is_requested() { patience.min(LAST_WORDS) } else { patience };
+            progress.elapsed() < limit
+        };
+        while received < Some(self.published) && patient(progress) {
+            let Ok(answer) = self.ask_for_receipt() else { break };
             if answer > received {
                 received = answer;
                 progress = Instant::now();
-            } else if stop.sleep(POLL) {
-                break;
+            } else {
+                std::thread::sleep(POLL);
             }
         }
         received
     }
 
-    fn ask_for_receipt(&self) -> Option<u64> {
-        let replies = self.session.get(&self.receipt_key).timeout(ANSWER).wait().ok()?;
+    fn ask_for_receipt(&self) -> Result<Option<u64>, PublicationError> {
+        let Ok(replies) = self.session.get(&self.receipt_key).timeout(ANSWER).wait() else { return Ok(None) };
         while let Ok(reply) = replies.recv() {
-            let text = reply.result().ok().map(|sample| sample.payload().to_bytes().into_owned());
-            let count = text.and_then(|bytes| String::from_utf8(bytes).ok()?.parse().ok());
-            if count.is_some() {
-                return count;
+            match reply.result() {
+                Ok(sample) => {
+                    let count =
+                        std::str::from_utf8(&sample.payload().to_bytes()).ok().and_then(|t| t.parse().ok());
+                    if count.is_some() {
+                        return Ok(count);
+                    }
+                }
+                Err(error) => {
+                    let text = String::from_utf8_lossy(&error.payload().to_bytes()).into_owned();
+                    // Zenoh answers a question that nobody answered in time.
+                    if text.starts_with("the session") {
+                        return Err(PublicationError::Refused(text));
+                    }
+                }
             }
         }
-        None
+        Ok(None)
     }
 
     /// Takes everything back and closes the session.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
-use cofix_common::wire::PhoneStatus;
+use cofix_common::wire::{PhoneStatus, check_name};
 
 use crate::link::{self, LinkError};
 use crate::pace::Pace;
@@ -50,10 +50,16 @@ pub struct AgentReport {
 /// Runs an agent to the end of its source, or until asked to stop. Blocks.
 ///
 /// # Errors
-/// When the source cannot be used, the hub cannot be reached or does not listen, or did not confirm all epochs.
+/// When a name or the source cannot be used, the hub cannot be reached, does not listen or does not know the phone, or did
+/// not confirm all epochs.
 pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError> {
+    for name in [&config.group, &config.phone] {
+        check_name(name).map_err(PublicationError::from)?;
+    }
     let Prepared { products, expected, mut opened, mut skips } = Prepared::new(config, stop)?;
-    let session = link::connect(&config.connect, config.patience)?;
+    let Some(session) = link::connect_unless_stopped(&config.connect, config.patience, stop)? else {
+        return Ok(AgentReport { epochs_published: 0, stopped: true, skips });
+    };
     let publisher =
         Publisher { group: &config.group, phone: &config.phone, kept_messages: config.kept_messages };
     let publication = Publication::declare(session, publisher)?;
@@ -136,6 +142,7 @@ impl Work<'_> {
         if !self.publication.wait_for_listener(self.config.patience, self.stop)? {
             return Ok(());
         }
+        self.publication.introduce()?;
         let summary = summary(self.config);
         self.publication.status(PhoneStatus::Started { summary, epochs_expected: expected })?;
         let is_live = expected.is_none();
@@ -181,6 +188,9 @@ fn finish(
     skips: &Skips,
     stop: &Stop,
 ) -> Result<(), AgentError> {
+    if matches!(outcome, Err(AgentError::Publication(PublicationError::Refused(_)))) {
+        return Ok(());
+    }
     // A live source has no other end than a request to stop.
     let is_live = matches!(config.source, Source::Live { .. });
     let cut = stop.is_requested() && !is_live;
@@ -193,7 +203,7 @@ fn finish(
     }
     let last_wait = if is_live { &Stop::default() } else { stop };
     match publication.wait_for_receipt(config.patience, last_wait).unwrap_or(0) {
-        confirmed if confirmed >= published || stop.is_requested() => Ok(()),
+        confirmed if confirmed >= published => Ok(()),
         confirmed => Err(AgentError::NotConfirmed { confirmed, published }),
     }
 }

@@ -20,8 +20,13 @@
 //! that is far ahead of the one before it, is held back until the phone's next message follows closely, and is dropped
 //! when that does not.
 //!
-//! **Live.** A phone may fall silent. [`Aligner::pop_overdue`] closes a bucket whose anchor has waited too long, and stops waiting for
-//! the silent phones until they speak again. What they then say of the time before is late: counted and dropped.
+//! **Live.** A phone may come late, lag or fall silent. [`Aligner::drop_silent`] stops waiting for phones of which nothing was heard for
+//! too long; the next message makes them run again, also one that is of a time fused already (counted and dropped). How long is too long:
+//! - a phone that has spoken: [`AlignOptions::maximum_wait`] of silence. One that lags but speaks is waited for.
+//! - a phone that has not spoken: so long after the others' earliest message; longer when its agent is known to be there.
+//! - when all that waits is far ahead of the phone ([`AlignOptions::maximum_lead_s`]): longer. Another day's file or a wrong clock
+//!   must not carry the group away from the others.
+//! - a phone that is as far behind the majority, and does not catch up, is not waited for at all.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -32,6 +37,16 @@ use cofix_common::wire::EpochMessage;
 
 /// Most messages of a phone held back for confirmation.
 const MAXIMUM_HELD: usize = 4;
+/// Live: most messages of a phone that wait for the others; at 1 Hz some hours and some hundred megabytes.
+const MAXIMUM_WAITING: usize = 20_000;
+/// Live: a phone that has not spoken is waited for so many times as long as one that fell silent.
+const ABSENT_FACTOR: u32 = 2;
+/// Live: likewise when its agent is there: it reads its files, or its history is on the way.
+const EXPECTED_FACTOR: u32 = 6;
+/// Live: likewise when all that waits is far ahead of it.
+const LEAD_FACTOR: u32 = 12;
+/// Live: a phone that is behind and runs so many times as fast as time catches up.
+const CATCHING_UP: f64 = 2.0;
 
 /// Epochs of one bucket, by phone; `None` where a phone has none.
 pub type Bucket = Vec<Option<EpochMessage>>;
@@ -45,8 +60,17 @@ pub struct AlignOptions {
     pub simultaneous_s: f64,
     /// A message further ahead of the phone's previous one must be confirmed by the next, s.
     pub maximum_step_s: f64,
-    /// How long [`Aligner::pop_overdue`] lets an anchor wait.
+    /// Live: so long a phone may be silent, and the group waits for it.
     pub maximum_wait: Duration,
+    /// Live: so far a phone may be ahead of the others, or behind the majority, s.
+    pub maximum_lead_s: f64,
+}
+
+impl AlignOptions {
+    /// Live: a phone may be silent for `latency`, and lag twice as much.
+    pub fn with_latency(latency: Duration) -> Self {
+        Self { maximum_wait: latency, maximum_lead_s: 2.0 * latency.as_secs_f64(), ..Self::default() }
+    }
 }
 
 impl Default for AlignOptions {
@@ -55,7 +79,8 @@ impl Default for AlignOptions {
             tolerance_s: 0.5,
             simultaneous_s: 0.02,
             maximum_step_s: 300.0,
-            maximum_wait: Duration::from_millis(1_500),
+            maximum_wait: Duration::from_secs(5),
+            maximum_lead_s: 10.0,
         }
     }
 }
@@ -84,7 +109,30 @@ struct Track {
     held: Vec<Waiting>,
     presence: Presence,
     latest: Option<GpsTime>,
+    /// What was heard of it, refused or not.
+    heard: Option<Heard>,
+    /// Since when its agent is known to be there.
+    here_since: Option<Duration>,
+    /// Whether it is known to be far ahead of the others.
+    ahead: bool,
+    /// Whether it is known to be far behind the others.
+    astray: bool,
     skips: Skips,
+}
+
+/// The first and the last that was heard of a phone since its agent came: time of arrival and time of the epoch.
+#[derive(Clone, Copy, Debug)]
+struct Heard {
+    first: (Duration, GpsTime),
+    last: (Duration, GpsTime),
+}
+
+impl Heard {
+    /// How many times as fast as time its epochs come; `None` when it is too early to tell.
+    fn speed(&self, least: Duration) -> Option<f64> {
+        let elapsed = self.last.0.saturating_sub(self.first.0);
+        (elapsed >= least && !elapsed.is_zero()).then(|| (self.last.1 - self.first.1) / elapsed.as_secs_f64())
+    }
 }
 
 impl Track {
@@ -92,21 +140,37 @@ impl Track {
         self.queue.get(position).map(|waiting| waiting.message.time_gps)
     }
 
-    /// Queues a message, unless it is too early.
+    /// Notes that the phone speaks.
+    fn hear(&mut self, time: GpsTime, now: Duration) {
+        let first = self.heard.map_or((now, time), |heard| heard.first);
+        self.heard = Some(Heard { first, last: (now, time) });
+    }
+
+    /// Queues a message, unless it is too early. Either way the phone runs.
     fn accept(&mut self, waiting: Waiting, options: &AlignOptions, done_to: Option<GpsTime>) {
         let time = waiting.message.time_gps;
+        self.presence = Presence::Running;
+        self.hear(time, waiting.arrived);
         if let Some(reason) = refusal(time, self.latest, done_to, options.simultaneous_s) {
             self.skips.add(reason, || describe(&waiting.message, self.latest, done_to));
             return;
         }
         self.latest = Some(time);
-        self.presence = Presence::Running;
         self.queue.push_back(waiting);
         self.drop_held();
     }
 
     /// Holds a message back until the next confirms it.
     fn hold(&mut self, waiting: Waiting) {
+        // Its time is not believed yet, but the phone is there.
+        if self.presence == Presence::Away {
+            self.presence = Presence::Running;
+        }
+        if let Some(heard) = &mut self.heard {
+            heard.last.0 = waiting.arrived;
+        } else {
+            self.here_since.get_or_insert(waiting.arrived);
+        }
         if self.held.iter().any(|held| held.message.time_gps == waiting.message.time_gps) {
             self.skips.add("epoch received twice", || describe(&waiting.message, self.latest, None));
             return;
@@ -131,6 +195,18 @@ pub struct Aligner {
     options: AlignOptions,
     /// The latest time in any bucket so far.
     done_to: Option<GpsTime>,
+    live: bool,
+    /// What people should know.
+    notices: Vec<Notice>,
+}
+
+/// Something about a phone that people should know.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Notice {
+    /// The phone's index.
+    pub phone: usize,
+    /// In words.
+    pub text: String,
 }
 
 /// Whether the rule can be decided yet.
@@ -143,30 +219,38 @@ enum Decision {
 impl Aligner {
     /// For `phones` phones, all of which will deliver: buckets wait for each until [`Aligner::finish`].
     pub fn new(phones: usize, options: AlignOptions) -> Self {
-        Self::with_presence(phones, options, Presence::Running)
-    }
-
-    /// For `phones` phones that come and go: buckets wait only for those that have spoken.
-    pub fn live(phones: usize, options: AlignOptions) -> Self {
-        Self::with_presence(phones, options, Presence::Away)
-    }
-
-    fn with_presence(phones: usize, options: AlignOptions, presence: Presence) -> Self {
         let track = |_| Track {
             queue: VecDeque::new(),
             held: Vec::new(),
-            presence,
+            presence: Presence::Running,
             latest: None,
+            heard: None,
+            here_since: None,
+            ahead: false,
+            astray: false,
             skips: Skips::default(),
         };
-        Self { tracks: (0..phones).map(track).collect(), options, done_to: None }
+        let tracks = (0..phones).map(track).collect();
+        Self { tracks, options, done_to: None, live: false, notices: Vec::new() }
+    }
+
+    /// For `phones` phones that come and go: call [`Aligner::drop_silent`] now and then.
+    pub fn live(phones: usize, options: AlignOptions) -> Self {
+        Self { live: true, ..Self::new(phones, options) }
     }
 
     /// Takes a message of the phone with index `phone`, received at `now` by any steady clock. A message that is not later than
     /// the phone's previous one, or than a bucket already given out, is counted and dropped.
     pub fn push(&mut self, phone: usize, message: EpochMessage, now: Duration) {
         let (options, done_to) = (self.options, self.done_to);
+        let live = self.live;
         let Some(track) = self.tracks.get_mut(phone) else { return };
+        if live && track.queue.len() >= MAXIMUM_WAITING {
+            track.skips.add("too many epochs wait for the other phones", || {
+                format!("sequence {} at {}; {MAXIMUM_WAITING} wait", message.sequence, message.time_gps)
+            });
+            return;
+        }
         let waiting = Waiting { message, arrived: now };
         let step_s = |from: GpsTime| waiting.message.time_gps - from;
         let near = |from: GpsTime| step_s(from) > 0.0 && step_s(from) <= options.maximum_step_s;
@@ -199,6 +283,18 @@ impl Aligner {
     pub fn leave(&mut self, phone: usize) {
         if let Some(track) = self.tracks.get_mut(phone) {
             track.presence = Presence::Away;
+            track.here_since = None;
+        }
+    }
+
+    /// The phone's agent has appeared at `now`: its messages will come, or its history is on the way.
+    pub fn arrive(&mut self, phone: usize, now: Duration) {
+        if let Some(track) = self.tracks.get_mut(phone) {
+            if track.presence != Presence::Running {
+                track.presence = Presence::Running;
+                track.heard = None;
+            }
+            track.here_since = Some(now);
         }
     }
 
@@ -208,23 +304,113 @@ impl Aligner {
         if self.tracks.iter().any(waited_for) {
             return None;
         }
-        self.members(false).map(|members| self.take(&members))
+        self.members().map(|members| self.take(&members))
     }
 
-    /// The next bucket, complete or not, if its anchor has waited longer than the maximum. Phones that have nothing waiting then
-    /// count as away.
-    pub fn pop_overdue(&mut self, now: Duration) -> Option<Bucket> {
-        let anchor = *self.heads().first()?;
-        let arrived = self.tracks.get(anchor.1)?.queue.front()?.arrived;
-        if now.saturating_sub(arrived) < self.options.maximum_wait {
-            return None;
+    /// Stops waiting for phones of which nothing was heard for too long while others wait for them; `true` when there was one, so that
+    /// [`Aligner::pop_ready`] may have a bucket.
+    pub fn drop_silent(&mut self, now: Duration) -> bool {
+        let Some((anchor, first)) = self.heads().first().copied() else { return false };
+        let waiting = self.tracks.get(first).and_then(|track| track.queue.front());
+        let Some(arrived) = waiting.map(|waiting| waiting.arrived) else { return false };
+        let mut dropped = false;
+        for phone in 0..self.tracks.len() {
+            dropped |=
+                self.is_silent(phone, (anchor, arrived), now) || self.is_astray(phone, (anchor, arrived));
         }
-        for track in &mut self.tracks {
-            if track.presence == Presence::Running && track.queue.is_empty() {
-                track.presence = Presence::Away;
+        if dropped {
+            return true;
+        }
+        self.note_lead(anchor, first, now.saturating_sub(arrived));
+        false
+    }
+
+    /// Whether the group waits for a phone that is silent; it is away then.
+    fn is_silent(&mut self, phone: usize, (anchor, arrived): (GpsTime, Duration), now: Duration) -> bool {
+        let options = self.options;
+        let Some(track) = self.tracks.get_mut(phone) else { return false };
+        // One message is waiting where the rule asks for two.
+        if track.presence != Presence::Running || track.queue.len() > 1 {
+            return false;
+        }
+        let (since, factor) = match (track.heard, track.here_since) {
+            (Some(heard), _) if anchor - heard.last.1 > options.maximum_lead_s => (heard.last.0, LEAD_FACTOR),
+            (Some(heard), _) => (heard.last.0, 1),
+            (None, Some(here)) => (here, EXPECTED_FACTOR),
+            (None, None) => (arrived, ABSENT_FACTOR),
+        };
+        let silent = now.saturating_sub(since.max(arrived)) >= options.maximum_wait * factor;
+        if silent {
+            track.presence = Presence::Away;
+            track.here_since = None;
+        }
+        silent
+    }
+
+    /// Whether the group waits for a phone that is far behind most others and does not catch up; it is away then.
+    fn is_astray(&mut self, phone: usize, (anchor, arrived): (GpsTime, Duration)) -> bool {
+        let options = self.options;
+        let (others_behind, others_ahead) = self.split_others(phone, anchor);
+        let Some(track) = self.tracks.get_mut(phone) else { return false };
+        let Some(heard) = track.heard else { return false };
+        let lag_s = anchor - heard.last.1;
+        let slow = heard.speed(options.maximum_wait).is_some_and(|speed| speed < CATCHING_UP);
+        let astray = track.presence == Presence::Running
+            && track.queue.is_empty()
+            && lag_s > options.maximum_lead_s
+            && slow
+            // After a gap of all phones it may just be the last to speak.
+            && heard.last.0 > arrived
+            && others_ahead >= 2
+            && others_ahead > others_behind + 1;
+        if astray {
+            track.presence = Presence::Away;
+            if !std::mem::replace(&mut track.astray, true) {
+                let text =
+                    format!("{lag_s:.0} s behind the other phones and not waited for: is its clock right?");
+                track.skips.add("phone far behind the others: not waited for", || text.clone());
+                self.notices.push(Notice { phone, text });
             }
         }
-        self.members(true).map(|members| self.take(&members))
+        astray
+    }
+
+    /// How many other running phones are far behind the anchor, and how many are near it.
+    fn split_others(&self, phone: usize, anchor: GpsTime) -> (usize, usize) {
+        let (mut behind, mut ahead) = (0, 0);
+        for (_, track) in self.tracks.iter().enumerate().filter(|(other, _)| *other != phone) {
+            let last = track.time(0).or(track.heard.map(|heard| heard.last.1));
+            let Some(last) = last.filter(|_| track.presence == Presence::Running) else { continue };
+            let lag_s = anchor - last;
+            behind += usize::from(lag_s > self.options.maximum_lead_s);
+            ahead += usize::from(lag_s.abs() <= self.options.maximum_lead_s);
+        }
+        (behind, ahead)
+    }
+
+    /// Counts and names a phone whose messages wait because they are far ahead of the others.
+    fn note_lead(&mut self, anchor: GpsTime, first: usize, waited: Duration) {
+        let options = self.options;
+        let blocked = |track: &Track| track.presence == Presence::Running && track.queue.is_empty();
+        let last = |track: &Track| track.heard.map(|heard| heard.last.1);
+        let blocking = self.tracks.iter().filter(|track| blocked(track)).filter_map(last).max();
+        let Some(lead_s) = blocking.map(|time| anchor - time) else { return };
+        if lead_s <= options.maximum_lead_s || waited < options.maximum_wait {
+            return;
+        }
+        let Some(track) = self.tracks.get_mut(first) else { return };
+        if !std::mem::replace(&mut track.ahead, true) {
+            let text = format!(
+                "{lead_s:.0} s ahead of the other phones, and waits for them: is it of the same time?"
+            );
+            track.skips.add("phone far ahead of the others: held back", || text.clone());
+            self.notices.push(Notice { phone: first, text });
+        }
+    }
+
+    /// What people should know since the last call.
+    pub fn notices(&mut self) -> Vec<Notice> {
+        std::mem::take(&mut self.notices)
     }
 
     /// What was dropped of a phone's messages.
@@ -245,8 +431,8 @@ impl Aligner {
         heads
     }
 
-    /// The phones of the next bucket; `None` when there is no message or, unless forced, when the rule cannot be decided yet.
-    fn members(&self, forced: bool) -> Option<Vec<usize>> {
+    /// The phones of the next bucket; `None` when there is no message, or when the rule cannot be decided yet.
+    fn members(&self) -> Option<Vec<usize>> {
         let heads = self.heads();
         let (&(anchor, first), others) = heads.split_first()?;
         let mut members = vec![(anchor, first)];
@@ -254,7 +440,7 @@ impl Aligner {
             if time - anchor > self.options.tolerance_s {
                 break;
             }
-            match self.joins(time, &members, forced) {
+            match self.joins(time, &members) {
                 Decision::Join => members.push((time, phone)),
                 Decision::End => break,
                 Decision::Wait => return None,
@@ -263,7 +449,7 @@ impl Aligner {
         Some(members.into_iter().map(|(_, phone)| phone).collect())
     }
 
-    fn joins(&self, time: GpsTime, members: &[(GpsTime, usize)], forced: bool) -> Decision {
+    fn joins(&self, time: GpsTime, members: &[(GpsTime, usize)]) -> Decision {
         for &(member, phone) in members {
             let after_s = time - member;
             if after_s <= self.options.simultaneous_s {
@@ -272,7 +458,7 @@ impl Aligner {
             let Some(track) = self.tracks.get(phone) else { continue };
             match track.time(1) {
                 Some(next) if next - time < after_s => return Decision::End,
-                None if track.presence == Presence::Running && !forced => return Decision::Wait,
+                None if track.presence == Presence::Running => return Decision::Wait,
                 _ => {}
             }
         }

@@ -6,6 +6,7 @@ use anyhow::Context;
 use cofix_agent::{ProductSource, Source};
 use cofix_common::accuracy::{Truth, TruthPoint};
 use cofix_common::simulation::{Scenario, Simulation};
+use cofix_common::skips::Skips;
 
 use crate::engine::ScheduledConstraint;
 use crate::replay::{Plan, PlannedPhone};
@@ -32,6 +33,7 @@ pub fn plan(scenario: Scenario) -> anyhow::Result<Plan> {
         constraints: constraints.into_iter().map(always).collect(),
         truth_quality: vec![QUALITY],
         preset: Preset::Default,
+        truth_skips: Skips::default(),
     })
 }
 

@@ -16,8 +16,10 @@ use crate::report::Report;
 
 /// How long the thread waits for an event before it looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
-/// How long the epochs of an agent that has ended may stay away: its last status may overtake them.
-const STRAGGLERS: Duration = Duration::from_secs(10);
+/// How long agents that have ended may take to hear so.
+const FAREWELL: Duration = Duration::from_secs(10);
+/// Most events that are taken in after the request to stop.
+const LAST_EVENTS: usize = 10_000;
 
 /// How a group comes to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,8 +44,11 @@ pub struct Group {
     receipts: Receipts,
     outputs: Outputs,
     start: Instant,
-    /// Since when epochs of agents that have ended are missing.
-    missing_since: Option<Instant>,
+    /// By phone, since when epochs of agents that have ended are missing.
+    missing_since: Vec<Option<Instant>>,
+    /// By phone, whether an agent is there.
+    alive: Vec<bool>,
+    grace: Duration,
 }
 
 /// The parts of a group.
@@ -65,8 +70,12 @@ pub struct Parts {
 }
 
 impl Group {
+    /// How long the epochs of an agent that has ended may stay away: its last status may overtake them.
+    pub const GRACE: Duration = Duration::from_secs(10);
+
     /// Puts a group together.
     pub fn new(parts: Parts) -> Self {
+        let phones = parts.phones.len();
         Self {
             intake: Intake::new(&parts.phones),
             name: parts.name,
@@ -77,8 +86,15 @@ impl Group {
             receipts: parts.receipts,
             outputs: parts.outputs,
             start: Instant::now(),
-            missing_since: None,
+            missing_since: vec![None; phones],
+            alive: vec![false; phones],
+            grace: Self::GRACE,
         }
+    }
+
+    /// Another time for stragglers than [`Group::GRACE`].
+    pub fn with_grace(self, grace: Duration) -> Self {
+        Self { grace, ..self }
     }
 
     /// The phones' names.
@@ -99,15 +115,52 @@ impl Group {
             }
             self.fuse_ready()?;
             self.fuse_overdue()?;
+            self.outputs.tick();
             self.check_stragglers()?;
         }
         if stop.is_requested() && self.course == Course::Replay {
             bail!("stopped before the end of the session");
         }
+        for event in events.try_iter().take(LAST_EVENTS) {
+            self.handle(event)?;
+        }
         for phone in 0..self.phones.len() {
             self.aligner.finish(phone);
         }
         self.fuse_ready()
+    }
+
+    /// Stays until agents that have ended know that everything is here, or some seconds: they ask, and go when they know.
+    pub fn see_off(&mut self, events: &Receiver<Event>, stop: &Stop) {
+        let start = Instant::now();
+        let mut told_since: Option<Instant> = None;
+        while self.alive.iter().any(|alive| *alive) && start.elapsed() < FAREWELL && !stop.is_requested() {
+            match events.recv_timeout(TICK) {
+                Ok(Event::Alive { phone, alive }) => self.note_alive(&phone, alive),
+                Err(RecvTimeoutError::Disconnected) => return,
+                _ => {}
+            }
+            if !self.all_told() {
+                told_since = None;
+            } else if told_since.get_or_insert_with(Instant::now).elapsed() > FAREWELL / 10 {
+                return;
+            }
+        }
+    }
+
+    /// Whether all agents that have ended were told of all their epochs.
+    fn all_told(&self) -> bool {
+        self.phones.iter().enumerate().all(|(phone, name)| {
+            self.intake
+                .finished_runs(phone)
+                .all(|(sender, received)| received == 0 || self.receipts.was_told(name, sender, received))
+        })
+    }
+
+    fn note_alive(&mut self, phone: &str, alive: bool) {
+        if let Some(slot) = self.intake.index(phone).and_then(|index| self.alive.get_mut(index)) {
+            *slot = alive;
+        }
     }
 
     /// The report, and the outputs to finish.
@@ -189,7 +242,14 @@ impl Group {
 
     fn status(&mut self, arrival: &Arrival) {
         match self.intake.status(arrival) {
-            Some(Notice::Started { summary, .. }) => {
+            Some(Notice::Started { phone, summary, twice }) => {
+                if twice {
+                    tracing::warn!(
+                        "{}: two agents of that name are here; only one of them should",
+                        arrival.phone
+                    );
+                }
+                self.aligner.arrive(phone, self.start.elapsed());
                 tracing::info!("{}: agent started: {summary}", arrival.phone);
                 self.outputs.expect(self.intake.expected());
             }
@@ -210,8 +270,15 @@ impl Group {
             tracing::warn!("an agent for '{phone}' is here, but the session does not name that phone");
             return;
         };
+        self.note_alive(phone, alive);
         tracing::info!("{phone}: agent {}", if alive { "is here" } else { "is gone" });
+        if alive && !self.intake.is_complete(index) {
+            self.aligner.arrive(index, self.start.elapsed());
+        }
         // Its last epochs are ahead of the loss of its token only on the same link; in a replay its end is known exactly.
+        if !alive && self.course != Course::Replay {
+            self.intake.gone(index);
+        }
         if !alive && self.course != Course::Replay && !self.intake.is_complete(index) {
             self.aligner.leave(index);
         }
@@ -234,28 +301,36 @@ impl Group {
         if self.course == Course::Replay {
             return Ok(());
         }
-        while let Some(bucket) = self.aligner.pop_overdue(self.start.elapsed()) {
-            self.outputs.push(&self.engine.step(bucket))?;
+        while self.aligner.drop_silent(self.start.elapsed()) {
+            self.fuse_ready()?;
+        }
+        for notice in self.aligner.notices() {
+            let name = self.phones.get(notice.phone).map_or("?", String::as_str);
+            tracing::warn!("{name}: {}", notice.text);
         }
         Ok(())
     }
 
-    /// Epochs that an agent has published and that do not come are lost: an error in a replay, a warning live.
+    /// Epochs that an agent has published and that do not come are lost: an error in a replay, counted live.
     fn check_stragglers(&mut self) -> anyhow::Result<()> {
-        let missing = |phone: &usize| self.intake.shortfall(*phone).is_some_and(|missing| missing > 0);
-        let Some(phone) = (0..self.phones.len()).find(missing) else {
-            self.missing_since = None;
-            return Ok(());
-        };
-        if self.missing_since.get_or_insert_with(Instant::now).elapsed() < STRAGGLERS {
-            return Ok(());
+        for phone in 0..self.phones.len() {
+            let missing = self.intake.shortfall(phone).unwrap_or(0);
+            let Some(since) = self.missing_since.get_mut(phone) else { continue };
+            if missing == 0 {
+                *since = None;
+                continue;
+            }
+            if since.get_or_insert_with(Instant::now).elapsed() < self.grace {
+                continue;
+            }
+            let name = self.phones.get(phone).map_or("?", String::as_str);
+            if self.course == Course::Replay {
+                bail!("{name}: {missing} published epochs did not arrive");
+            }
+            tracing::warn!("{name}: {missing} published epochs did not arrive");
+            self.intake.give_up(phone);
+            self.end_if_complete(phone);
         }
-        let name = self.phones.get(phone).map_or("?", String::as_str);
-        let missing = self.intake.shortfall(phone).unwrap_or(0);
-        if self.course == Course::Replay {
-            bail!("{name}: {missing} published epochs did not arrive");
-        }
-        self.aligner.finish(phone);
         Ok(())
     }
 }

@@ -8,8 +8,10 @@ use std::collections::BTreeMap;
 use cofix_common::skips::Skips;
 use cofix_common::wire::{EpochMessage, PhoneStatus, StatusMessage, decode};
 
-/// Most senders remembered for one phone; a phone has one at a time, and one more after each restart.
-const MAXIMUM_SENDERS: usize = 64;
+/// Most runs remembered for one phone; a phone has one at a time, and one more after each restart. The oldest are forgotten.
+const MAXIMUM_RUNS: usize = 64;
+/// Most lost epochs that are counted one by one; an agent may claim any number.
+const MAXIMUM_LOST: u64 = 1_000_000;
 /// The sender of samples that do not say who sent them.
 const ANONYMOUS: &str = "anonymous";
 
@@ -39,7 +41,26 @@ pub struct Finished {
 struct Run {
     next: u64,
     received: u64,
+    /// Whether its agent said that it started.
+    started: bool,
     finished: Option<Finished>,
+    /// Whether its agent is gone without a word; it may speak again.
+    gone: bool,
+    /// Whether the epochs that are missing are not waited for.
+    given_up: bool,
+    /// Place among the phone's runs by first message.
+    rank: u64,
+}
+
+impl Run {
+    /// Whether its agent started, did not say that it finished, and is there.
+    const fn is_living(&self) -> bool {
+        self.started && self.finished.is_none() && !self.gone
+    }
+
+    fn missing(&self) -> Option<u64> {
+        self.finished.as_ref().map(|finished| finished.epochs_published.saturating_sub(self.received))
+    }
 }
 
 #[derive(Debug, Default)]
@@ -47,6 +68,7 @@ struct Desk {
     runs: BTreeMap<String, Run>,
     /// The sender of the last status.
     current: Option<String>,
+    runs_seen: u64,
     epochs_expected: Option<u64>,
     skips: Skips,
 }
@@ -68,6 +90,8 @@ pub enum Notice {
         phone: usize,
         /// Its own words.
         summary: String,
+        /// Whether another agent of that name is still there.
+        twice: bool,
     },
     /// An agent of the phone has ended.
     Finished {
@@ -129,15 +153,51 @@ impl Intake {
         Some(desk.status(phone, arrival, message.status))
     }
 
-    /// Whether the phone's last agent has ended and all its epochs are here.
+    /// Whether the phone's last agent has ended, no other of that name lives, and all epochs are here or given up.
     pub fn is_complete(&self, phone: usize) -> bool {
-        self.shortfall(phone) == Some(0)
+        let Some(desk) = self.desks.get(phone) else { return false };
+        desk.current_run().is_some_and(|run| run.finished.is_some())
+            && !desk.runs.values().any(Run::is_living)
+            && self.shortfall(phone) == Some(0)
     }
 
-    /// How many epochs of the phone's last agent are missing; `None` while it runs.
+    /// How many epochs of the phone's agents that have ended are missing and not given up; `None` while the last one runs.
     pub fn shortfall(&self, phone: usize) -> Option<u64> {
-        let run = self.desks.get(phone)?.current_run()?;
-        run.finished.as_ref().map(|finished| finished.epochs_published.saturating_sub(run.received))
+        let desk = self.desks.get(phone)?;
+        desk.current_run()?.finished.as_ref()?;
+        Some(
+            desk.runs
+                .values()
+                .filter(|run| !run.given_up)
+                .filter_map(Run::missing)
+                .fold(0, u64::saturating_add),
+        )
+    }
+
+    /// Does not wait any longer for epochs of agents that have ended, and counts them. How many are missing.
+    pub fn give_up(&mut self, phone: usize) -> u64 {
+        let missing = self.shortfall(phone).unwrap_or(0);
+        let Some(desk) = self.desks.get_mut(phone) else { return 0 };
+        for run in desk.runs.values_mut().filter(|run| run.finished.is_some()) {
+            run.given_up = true;
+        }
+        for _ in 0..missing.min(MAXIMUM_LOST) {
+            desk.skips.add("published epochs did not arrive", || format!("{missing} are missing"));
+        }
+        missing
+    }
+
+    /// The phone's agents are gone, with or without a word.
+    pub fn gone(&mut self, phone: usize) {
+        if let Some(desk) = self.desks.get_mut(phone) {
+            desk.runs.values_mut().for_each(|run| run.gone = true);
+        }
+    }
+
+    /// The senders of the phone's runs that have finished, with the number of epochs received.
+    pub fn finished_runs(&self, phone: usize) -> impl Iterator<Item = (&str, u64)> {
+        let runs = self.desks.get(phone).into_iter().flat_map(|desk| &desk.runs);
+        runs.filter(|(_, run)| run.finished.is_some()).map(|(sender, run)| (sender.as_str(), run.received))
     }
 
     /// What the phone's last agent said at its end.
@@ -177,13 +237,31 @@ impl Intake {
 }
 
 impl Desk {
-    fn run(&mut self, arrival: &Arrival) -> Option<&mut Run> {
+    /// The run that an arrival belongs to; one that is new may push out the oldest.
+    fn run(&mut self, arrival: &Arrival) -> &mut Run {
         let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
-        if !self.runs.contains_key(sender) && self.runs.len() >= MAXIMUM_SENDERS {
-            self.skips.add("too many senders", || format!("{sender}; {MAXIMUM_SENDERS} were there already"));
-            return None;
+        if !self.runs.contains_key(sender) {
+            if self.runs.len() >= MAXIMUM_RUNS {
+                self.forget_oldest();
+            }
+            self.runs_seen += 1;
         }
-        Some(self.runs.entry(sender.to_owned()).or_default())
+        let rank = self.runs_seen;
+        let run = self.runs.entry(sender.to_owned()).or_insert_with(|| Run { rank, ..Run::default() });
+        run.gone = false;
+        run
+    }
+
+    /// Forgets the oldest run, if possible one that is neither living nor the current one.
+    fn forget_oldest(&mut self) {
+        let current = self.current.as_deref();
+        let worth = |sender: &str, run: &Run| (Some(sender) == current, run.is_living(), run.rank);
+        let oldest = self.runs.iter().min_by_key(|(sender, run)| worth(sender, run));
+        let Some(sender) = oldest.map(|(sender, _)| sender.clone()) else { return };
+        self.runs.remove(&sender);
+        self.skips.add("run of an agent forgotten: too many", || {
+            format!("{sender}; {MAXIMUM_RUNS} are remembered")
+        });
     }
 
     fn current_run(&self) -> Option<&Run> {
@@ -192,7 +270,7 @@ impl Desk {
 
     /// Counts a message of a run; `false` when it was there already.
     fn count(&mut self, arrival: &Arrival, sequence: u64) -> bool {
-        let Some(run) = self.run(arrival) else { return false };
+        let run = self.run(arrival);
         if sequence < run.next {
             return false;
         }
@@ -202,17 +280,23 @@ impl Desk {
     }
 
     fn status(&mut self, phone: usize, arrival: &Arrival, status: PhoneStatus) -> Notice {
-        self.current = Some(arrival.sender.clone().unwrap_or_else(|| ANONYMOUS.to_owned()));
+        let sender = arrival.sender.clone().unwrap_or_else(|| ANONYMOUS.to_owned());
         match status {
             PhoneStatus::Started { summary, epochs_expected } => {
+                let other = self.runs.iter().find(|(other, run)| **other != sender && run.is_living());
+                let other = other.map(|(other, _)| other.clone());
+                let twice = other.is_some();
+                if let Some(other) = other {
+                    self.skips.add("two agents of one name at a time", || format!("{sender} beside {other}"));
+                }
                 self.epochs_expected = epochs_expected;
-                self.run(arrival);
-                Notice::Started { phone, summary }
+                self.current = Some(sender);
+                self.run(arrival).started = true;
+                Notice::Started { phone, summary, twice }
             }
             PhoneStatus::Finished { epochs_published, skips, error } => {
-                if let Some(run) = self.run(arrival) {
-                    run.finished = Some(Finished { epochs_published, skips, error: error.clone() });
-                }
+                self.current = Some(sender);
+                self.run(arrival).finished = Some(Finished { epochs_published, skips, error: error.clone() });
                 Notice::Finished { phone, error }
             }
         }

@@ -10,6 +10,7 @@
 pub mod align;
 pub mod demo;
 pub mod engine;
+pub mod files;
 pub mod group;
 pub mod intake;
 pub mod live;

@@ -1,9 +1,9 @@
 //! A session as it happens.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use cofix_agent::Stop;
-use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
 use crate::align::{AlignOptions, Aligner};
@@ -11,9 +11,12 @@ use crate::engine::Engine;
 use crate::group::{Course, Group, Parts};
 use crate::network::Network;
 use crate::outputs::Outputs;
-use crate::replay::{Outcome, outcome, read_truths, settings};
+use crate::replay::{Outcome, outcome, read_truths_counted, settings};
 use crate::scores::Scores;
 use crate::session::Session;
+
+/// How long an epoch waits to be written to the recording.
+const RECORDING_AGE: Duration = Duration::from_secs(10);
 
 /// How a live hub runs.
 #[derive(Clone, Debug)]
@@ -34,13 +37,14 @@ pub struct LiveOptions {
 /// When the endpoints cannot be listened on, a truth file cannot be used, or an output cannot be written.
 pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let phones = session.phone_names();
-    let truths = read_truths(&session.phones)?;
-    let (network, events) = Network::listen(&session.group, &options.listen)?;
+    let (truths, truth_skips) = read_truths_counted(&session.phones)?;
+    let (network, events) = Network::listen(&session.group, &phones, &options.listen)?;
     let scores = Scores::new(truths, session.truth_quality.clone());
     // A listener that does not keep up must not hold up the hub.
     let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Drop), scores);
     if let Some(path) = &options.recording {
         outputs.record_to(path, &session.group)?;
+        outputs.write_recording_after(RECORDING_AGE);
     }
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
     let mut group = Group::new(Parts {
@@ -52,8 +56,13 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
         outputs,
         phones,
     });
-    group.work(&events, stop)?;
-    let outcome = outcome(&mut group, &Skips::default())?;
+    let worked = group.work(&events, stop);
+    if worked.is_ok() {
+        group.see_off(&events, stop);
+    }
+    // The recording is brought to its end in any case.
+    let outcome = outcome(&mut group, &truth_skips);
+    worked?;
     network.close()?;
     Ok(outcome)
 }

@@ -1,14 +1,16 @@
 //! The command line of the hub.
 
 use std::io::{IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::bail;
 use clap::{Parser, Subcommand};
 use cofix_agent::{Speed, Stop};
 use cofix_common::simulation::Scenario;
 use cofix_hub::align::AlignOptions;
+use cofix_hub::files::{Named, ReportFile, check_absent, check_outputs, inputs};
 use cofix_hub::live::{self, LiveOptions};
 use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
 use cofix_hub::session::Session;
@@ -33,6 +35,12 @@ enum Command {
         /// End when the agents of all phones have finished, instead of on Ctrl-C
         #[arg(long)]
         until_finished: bool,
+        /// How long a phone may be silent before the others go on without it; it may lag by twice as much
+        #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = latency)]
+        latency: f64,
+        /// Replace a recording that is there
+        #[arg(long)]
+        overwrite: bool,
         #[command(flatten)]
         outputs: OutputArguments,
     },
@@ -67,6 +75,14 @@ struct OutputArguments {
     report: Option<PathBuf>,
 }
 
+/// Seconds between a tenth and an hour.
+fn latency(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.1..=3_600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("write seconds from 0.1 to 3600".to_owned()),
+    }
+}
+
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     log_to_stderr(&arguments.command);
@@ -98,7 +114,7 @@ fn start(command: Command) -> anyhow::Result<()> {
         let stop = Stop::default();
         let interrupted = stop.clone();
         tokio::spawn(async move {
-            if tokio::signal::ctrl_c().await.is_ok() {
+            if cofix_agent::signals::asked_to_end().await.is_ok() {
                 interrupted.request();
             }
         });
@@ -108,31 +124,59 @@ fn start(command: Command) -> anyhow::Result<()> {
 
 fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
     match command {
-        Command::Run { session, listen, until_finished, outputs } => {
-            let session = Session::read(&session)?;
-            let recording = outputs.recording;
-            let options = LiveOptions { listen, recording, until_finished, align: AlignOptions::default() };
-            conclude(&live::run(&session, &options, stop)?, outputs.report.as_deref())
+        Command::Run { session: file, listen, until_finished, latency, overwrite, outputs } => {
+            let session = Session::read(&file)?;
+            let report = outputs.prepare(&inputs(&file, &session))?;
+            if let (Some(path), false) = (&outputs.recording, overwrite) {
+                check_absent(path)?;
+            }
+            let align = AlignOptions::with_latency(Duration::from_secs_f64(latency));
+            let options = LiveOptions { listen, recording: outputs.recording, until_finished, align };
+            conclude(&live::run(&session, &options, stop)?, report)
         }
-        Command::Replay { session, speed, outputs } => {
-            let plan = Plan::from_session(&Session::read(&session)?)?;
+        Command::Replay { session: file, speed, outputs } => {
+            let session = Session::read(&file)?;
+            let report = outputs.prepare(&inputs(&file, &session))?;
+            let plan = Plan::from_session(&session)?;
             let options = ReplayOptions { recording: outputs.recording, speed, progress: true };
-            conclude(&replay(&plan, &options, stop)?, outputs.report.as_deref())
+            conclude(&replay(&plan, &options, stop)?, report)
         }
         Command::Demo { recording, report } => {
+            let outputs = OutputArguments { recording: Some(recording), report };
+            let report = outputs.prepare(&[])?;
             let plan = cofix_hub::demo::plan(Scenario::default())?;
-            let options = ReplayOptions { recording: Some(recording), speed: Speed::Maximum, progress: true };
-            conclude(&replay(&plan, &options, stop)?, report.as_deref())
+            let options =
+                ReplayOptions { recording: outputs.recording, speed: Speed::Maximum, progress: true };
+            conclude(&replay(&plan, &options, stop)?, report)
         }
     }
 }
 
-/// Writes the report and prints the table.
-fn conclude(outcome: &Outcome, report: Option<&Path>) -> anyhow::Result<()> {
-    if let Some(path) = report {
-        std::fs::write(path, outcome.report.json()?)
-            .with_context(|| format!("{}: cannot write the report", path.display()))?;
+impl OutputArguments {
+    /// Checks that the outputs are files of their own and that the report can be written.
+    fn prepare(&self, inputs: &[Named]) -> anyhow::Result<Option<ReportFile>> {
+        let named = |what, path: &Option<PathBuf>| path.as_deref().map(|path| Named::new(what, path));
+        let outputs = [named("the recording", &self.recording), named("the report", &self.report)];
+        let outputs: Vec<Named> = outputs.into_iter().flatten().collect();
+        check_outputs(&outputs, inputs)?;
+        self.report.as_deref().map(ReportFile::prepare).transpose()
     }
+}
+
+/// Prints the table, then writes the report.
+fn conclude(outcome: &Outcome, report: Option<ReportFile>) -> anyhow::Result<()> {
+    let printed = print(outcome);
+    if let Some(report) = report {
+        report.write(&outcome.report.json()?)?;
+    }
+    printed?;
+    if let Some(failure) = &outcome.failure {
+        bail!("{failure}");
+    }
+    Ok(())
+}
+
+fn print(outcome: &Outcome) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", outcome.table)?;
     let skipped = outcome.report.skipped();

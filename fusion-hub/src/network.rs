@@ -1,6 +1,6 @@
 //! The hub's side of Zenoh: subscriptions, receipts, fused states.
 
-use std::collections::BTreeMap;
+use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -44,22 +44,56 @@ pub enum Event {
     },
 }
 
+/// Most runs remembered for receipts; the oldest are forgotten.
+const MAXIMUM_RECEIPTS: usize = 1_024;
+
 /// How many epochs of each phone's run have arrived, shared with those who ask. Clones share it.
 #[derive(Clone, Debug, Default)]
 pub struct Receipts {
-    shared: Arc<Mutex<BTreeMap<(String, String), u64>>>,
+    shared: Arc<Mutex<VecDeque<Receipt>>>,
+}
+
+/// What is known of one run, and what its agent was told last.
+#[derive(Debug)]
+struct Receipt {
+    phone: String,
+    sender: String,
+    received: u64,
+    told: Option<u64>,
 }
 
 impl Receipts {
     /// Notes how many epochs of a phone's run by `sender` have arrived.
     pub fn note(&self, phone: &str, sender: &str, received: u64) {
-        let mut receipts = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-        receipts.insert((phone.to_owned(), sender.to_owned()), received);
+        self.with(phone, sender, |receipt| receipt.received = received);
     }
 
-    fn look_up(&self, phone: &str, sender: &str) -> u64 {
+    /// Whether the agent of a run was told of as many epochs.
+    pub fn was_told(&self, phone: &str, sender: &str, received: u64) -> bool {
         let receipts = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-        receipts.get(&(phone.to_owned(), sender.to_owned())).copied().unwrap_or(0)
+        receipts
+            .iter()
+            .any(|r| r.sender == sender && r.phone == phone && r.told.is_some_and(|told| told >= received))
+    }
+
+    /// How many have arrived, for the agent of the run, which asks.
+    fn tell(&self, phone: &str, sender: &str) -> u64 {
+        self.with(phone, sender, |receipt| *receipt.told.insert(receipt.received))
+    }
+
+    fn with<T>(&self, phone: &str, sender: &str, change: impl FnOnce(&mut Receipt) -> T) -> T {
+        let mut receipts = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(receipt) = receipts.iter_mut().find(|r| r.sender == sender && r.phone == phone) {
+            return change(receipt);
+        }
+        let mut receipt =
+            Receipt { phone: phone.to_owned(), sender: sender.to_owned(), received: 0, told: None };
+        let result = change(&mut receipt);
+        if receipts.len() >= MAXIMUM_RECEIPTS {
+            receipts.pop_front();
+        }
+        receipts.push_back(receipt);
+        result
     }
 }
 
@@ -77,25 +111,29 @@ pub struct Network {
 
 #[allow(clippy::needless_pass_by_value)] // for `map_err`
 fn zenoh_error(error: zenoh::Error) -> anyhow::Error {
-    anyhow::anyhow!("Zenoh: {error}")
+    anyhow::anyhow!("Zenoh: {}", link::plain(&error))
 }
 
 impl Network {
-    /// Listens on `endpoints` for the agents of a group. Blocks.
+    /// Listens on `endpoints` for the agents of a group, and tells agents of other phones than `phones` so. Blocks.
     ///
     /// # Errors
     /// When an endpoint is malformed or taken, or the group's name cannot be part of a key.
-    pub fn listen(group: &str, endpoints: &[String]) -> anyhow::Result<(Self, Receiver<Event>)> {
+    pub fn listen(
+        group: &str,
+        phones: &[String],
+        endpoints: &[String],
+    ) -> anyhow::Result<(Self, Receiver<Event>)> {
         let (sender, events) = sync_channel(WAITING_EVENTS);
         let receipts = Receipts::default();
         let session = link::listen(endpoints)?;
         let epochs = subscribe(&session, &all_epochs_key(group)?, sender.clone(), Event::Epoch)?;
         let status = subscribe(&session, &all_status_key(group)?, sender.clone(), Event::Status)?;
         let alive = watch(&session, &all_liveliness_key(group)?, sender.clone())?;
-        let answers = receipts.clone();
+        let (answers, phones) = (receipts.clone(), phones.to_vec());
         let queryable = session
             .declare_queryable(all_receipts_key(group)?)
-            .callback(move |query| answer(&answers, &query))
+            .callback(move |query| answer(&answers, &phones, &query))
             .wait()
             .map_err(zenoh_error)?;
         let network = Self {
@@ -206,11 +244,35 @@ fn watch(session: &Session, key: &str, sender: SyncSender<Event>) -> anyhow::Res
 }
 
 /// Answers `cofix/<group>/phone/<phone>/receipt?run=<sender>`.
-fn answer(receipts: &Receipts, query: &Query) {
+fn answer(receipts: &Receipts, phones: &[String], query: &Query) {
     let Some(phone) = phone_of_key(query.key_expr().as_str()) else { return };
     let Some(run) = query.parameters().get("run") else { return };
-    let text = receipts.look_up(phone, run).to_string();
-    if let Err(error) = query.reply(query.key_expr().clone(), text).wait() {
-        tracing::warn!("receipt for {phone} not sent: {error}");
+    let sent = if phones.iter().any(|known| known == phone) {
+        query.reply(query.key_expr().clone(), receipts.tell(phone, run).to_string()).wait()
+    } else {
+        let known = phones.join(", ");
+        query.reply_err(format!("the session has no phone '{phone}'; it has {known}")).wait()
+    };
+    if let Err(error) = sent {
+        tracing::warn!("receipt for {phone} not sent: {}", link::plain(&error));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn receipts_remember_what_was_told_and_forget_the_oldest() {
+        let receipts = Receipts::default();
+        receipts.note("a", "x", 5);
+        assert!(!receipts.was_told("a", "x", 5));
+        assert_eq!((receipts.tell("a", "x"), receipts.tell("b", "x")), (5, 0));
+        receipts.note("a", "x", 6);
+        assert!(receipts.was_told("a", "x", 5) && !receipts.was_told("a", "x", 6));
+        for run in 0..10 * MAXIMUM_RECEIPTS {
+            receipts.note("a", &run.to_string(), 1);
+        }
+        assert_eq!(receipts.shared.lock().unwrap().len(), MAXIMUM_RECEIPTS);
     }
 }

@@ -1,15 +1,15 @@
 //! Where fused epochs go: listeners, recording, scores, counts, progress.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use anyhow::Context;
 use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::wire::FusedMessage;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::engine::FusedEpoch;
 use crate::network::FusedPublisher;
-use crate::recorder::{Recorded, Recorder, RecorderConfig};
+use crate::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
 use crate::report::Tally;
 use crate::scores::Scores;
 
@@ -18,6 +18,7 @@ pub struct Outputs {
     names: Vec<String>,
     publisher: FusedPublisher,
     recorder: Option<(Recorder, PathBuf)>,
+    failure: Option<String>,
     progress: ProgressBar,
     /// Positions to be scored.
     pub scores: Scores,
@@ -32,6 +33,7 @@ impl Outputs {
             names: names.to_vec(),
             publisher,
             recorder: None,
+            failure: None,
             progress: ProgressBar::hidden(),
             scores,
             tally: Tally::new(names),
@@ -44,10 +46,36 @@ impl Outputs {
     /// When the file cannot be created.
     pub fn record_to(&mut self, path: &Path, group: &str) -> anyhow::Result<()> {
         let config = RecorderConfig { group: group.to_owned(), phones: self.names.clone() };
-        let recorder = Recorder::to_file(path, &config)
-            .with_context(|| format!("{}: cannot create the recording", path.display()))?;
-        self.recorder = Some((recorder, path.to_owned()));
+        self.recorder = Some((Recorder::to_file(path, &config)?, path.to_owned()));
         Ok(())
+    }
+
+    /// Writes the recording every `age` or so, not only when there is much.
+    pub fn write_recording_after(&mut self, age: Duration) {
+        if let Some((recorder, _)) = &mut self.recorder {
+            recorder.write_after(age);
+        }
+    }
+
+    /// Looks at the clock.
+    pub fn tick(&mut self) {
+        self.with_recorder(Recorder::tick);
+    }
+
+    /// Why the recording is incomplete, if it is.
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.as_deref()
+    }
+
+    /// A recording that cannot be written ends there; everything else goes on.
+    fn with_recorder(&mut self, work: impl FnOnce(&mut Recorder) -> Result<(), RecorderError>) {
+        let Some((recorder, path)) = &mut self.recorder else { return };
+        if let Err(error) = work(recorder) {
+            let failure = format!("{}: the recording is incomplete: {error}", path.display());
+            tracing::error!("{failure}");
+            self.failure = Some(failure);
+            self.recorder = None;
+        }
     }
 
     /// Shows progress on a terminal.
@@ -65,7 +93,7 @@ impl Outputs {
     /// Hands an epoch to everybody.
     ///
     /// # Errors
-    /// When the recording cannot be written or Zenoh refuses.
+    /// When Zenoh refuses.
     pub fn push(&mut self, epoch: &FusedEpoch) -> anyhow::Result<()> {
         self.tally.push(epoch);
         self.scores.push(epoch);
@@ -74,11 +102,9 @@ impl Outputs {
                 self.publisher.publish(&message)?;
             }
         }
-        if let Some((recorder, path)) = &mut self.recorder {
+        if self.recorder.is_some() {
             let references = self.scores.references(epoch);
-            recorder
-                .record(epoch, &references)
-                .with_context(|| format!("{}: cannot write the recording", path.display()))?;
+            self.with_recorder(|recorder| recorder.record(epoch, &references));
         }
         let messages = epoch.phones.iter().filter(|phone| phone.message.is_some()).count();
         self.progress.inc(messages as u64);
@@ -86,16 +112,18 @@ impl Outputs {
     }
 
     /// Ends the progress bar and the recording, into which the accuracy table goes.
-    ///
-    /// # Errors
-    /// When the recording cannot be written to its end.
-    pub fn finish(&mut self, table: &str) -> anyhow::Result<Option<(PathBuf, Recorded)>> {
+    pub fn finish(&mut self, table: &str) -> Option<(PathBuf, Recorded)> {
         self.progress.finish_and_clear();
-        let Some((recorder, path)) = self.recorder.take() else { return Ok(None) };
-        let recorded = recorder
-            .finish(table)
-            .with_context(|| format!("{}: cannot finish the recording", path.display()))?;
-        Ok(Some((path, recorded)))
+        let (recorder, path) = self.recorder.take()?;
+        match recorder.finish(table) {
+            Ok(recorded) => Some((path, recorded)),
+            Err(error) => {
+                let failure = format!("{}: the recording is incomplete: {error}", path.display());
+                tracing::error!("{failure}");
+                self.failure = Some(failure);
+                None
+            }
+        }
     }
 }
 

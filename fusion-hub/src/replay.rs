@@ -40,6 +40,8 @@ pub struct Plan {
     pub truth_quality: Vec<u8>,
     /// The estimator's settings.
     pub preset: Preset,
+    /// What was skipped in reading the truths.
+    pub truth_skips: Skips,
 }
 
 /// A phone of a replay.
@@ -73,6 +75,8 @@ pub struct Outcome {
     pub table: String,
     /// The recording, if one was wished for.
     pub recording: Option<(PathBuf, Recorded)>,
+    /// Why the recording is incomplete, if it is.
+    pub failure: Option<String>,
 }
 
 impl Plan {
@@ -81,7 +85,7 @@ impl Plan {
     /// # Errors
     /// When a phone has no observations or a truth file cannot be used.
     pub fn from_session(session: &Session) -> anyhow::Result<Self> {
-        let truths = read_truths(&session.phones)?;
+        let (truths, truth_skips) = read_truths_counted(&session.phones)?;
         let phones: anyhow::Result<Vec<_>> =
             session.phones.iter().zip(truths).map(|(phone, (_, truth))| planned(phone, truth)).collect();
         Ok(Self {
@@ -94,6 +98,7 @@ impl Plan {
             constraints: session.constraints.clone(),
             truth_quality: session.truth_quality.clone(),
             preset: session.preset,
+            truth_skips,
         })
     }
 }
@@ -108,11 +113,23 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
     Ok(PlannedPhone { name: phone.name.clone(), source: Source::File(observations), truth })
 }
 
+/// Phones' names and truths.
+pub type NamedTruths = Vec<(String, Option<Truth>)>;
+
 /// Reads the phones' truths, each file once; phones are in order, with their names.
 ///
 /// # Errors
 /// When a file cannot be read or holds no truth.
-pub fn read_truths(phones: &[SessionPhone]) -> anyhow::Result<Vec<(String, Option<Truth>)>> {
+pub fn read_truths(phones: &[SessionPhone]) -> anyhow::Result<NamedTruths> {
+    read_truths_counted(phones).map(|(truths, _)| truths)
+}
+
+/// Like [`read_truths`], with what was skipped.
+///
+/// # Errors
+/// When a file cannot be read or holds no truth.
+pub fn read_truths_counted(phones: &[SessionPhone]) -> anyhow::Result<(NamedTruths, Skips)> {
+    let mut skips = Skips::default();
     let mut known: BTreeMap<&Path, Truth> = BTreeMap::new();
     let mut truths = Vec::with_capacity(phones.len());
     for phone in phones {
@@ -120,23 +137,30 @@ pub fn read_truths(phones: &[SessionPhone]) -> anyhow::Result<Vec<(String, Optio
             None => None,
             Some(path) => match known.get(path) {
                 Some(truth) => Some(truth.clone()),
-                None => Some(known.entry(path).or_insert(read_truth(path)?).clone()),
+                None => Some(known.entry(path).or_insert(read_truth(path, &mut skips)?).clone()),
             },
         };
         truths.push((phone.name.clone(), truth));
     }
-    Ok(truths)
+    Ok((truths, skips))
 }
 
-fn read_truth(path: &Path) -> anyhow::Result<Truth> {
+fn read_truth(path: &Path, skips: &mut Skips) -> anyhow::Result<Truth> {
     let bytes =
         std::fs::read(path).with_context(|| format!("{}: cannot read the truth file", path.display()))?;
-    let (truth, skips) =
+    let (truth, skipped) =
         Truth::parse_csv(&bytes).with_context(|| format!("{}: not usable as truth", path.display()))?;
-    if !skips.is_empty() {
-        tracing::warn!("{}: {skips}", path.display());
-    }
+    merge_named(skips, "truth", &skipped, &path.display().to_string());
     Ok(truth)
+}
+
+/// Adds counts under the name of what was being done, and the place to the first instances.
+fn merge_named(skips: &mut Skips, doing: &str, more: &Skips, place: &str) {
+    for (reason, skip) in more.iter() {
+        for _ in 0..skip.count {
+            skips.add(&format!("{doing}: {reason}"), || format!("{place}: {}", skip.first));
+        }
+    }
 }
 
 /// The agents' and the hub's settings of a preset.
@@ -156,39 +180,49 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
     if !product_skips.is_empty() {
         tracing::info!("products: {product_skips}");
     }
-    let (network, events) = Network::listen(&plan.group, &[LOOPBACK.to_owned()])?;
+    let names: Vec<String> = plan.phones.iter().map(|phone| phone.name.clone()).collect();
+    let (network, events) = Network::listen(&plan.group, &names, &[LOOPBACK.to_owned()])?;
     let connect = network.endpoints();
     if connect.is_empty() {
         bail!("Zenoh does not say which port it listens on");
     }
     let mut group = group(plan, options, &network)?;
     let agents_stop = Stop::default();
-    let agents: anyhow::Result<Vec<_>> = plan
-        .phones
-        .iter()
-        .map(|phone| {
-            let config = AgentConfig {
-                group: plan.group.clone(),
-                phone: phone.name.clone(),
-                source: phone.source.clone(),
-                products: ProductSource::Loaded(products.clone()),
-                connect: connect.clone(),
-                speed: options.speed,
-                pipeline: settings(plan.preset).0,
-                patience: AgentConfig::PATIENCE,
-                kept_messages: AgentConfig::KEPT_MESSAGES,
-            };
-            start_agent(config, &network, agents_stop.clone())
-        })
-        .collect();
-    let worked = group.work(&events, stop);
+    let (mut agents, mut failed) = (Vec::new(), None);
+    for phone in &plan.phones {
+        let config = AgentConfig {
+            group: plan.group.clone(),
+            phone: phone.name.clone(),
+            source: phone.source.clone(),
+            products: ProductSource::Loaded(products.clone()),
+            connect: connect.clone(),
+            speed: options.speed,
+            pipeline: settings(plan.preset).0,
+            patience: AgentConfig::PATIENCE,
+            kept_messages: AgentConfig::KEPT_MESSAGES,
+        };
+        match start_agent(config, &network, agents_stop.clone()) {
+            Ok(agent) => agents.push(agent),
+            Err(error) => {
+                failed = Some(error);
+                break;
+            }
+        }
+    }
+    let worked = failed.map_or_else(|| group.work(&events, stop), Err);
     if worked.is_err() {
         agents_stop.request();
     }
-    let joined = join(agents?, &events);
+    let joined = join(agents, &events);
+    let mut skips = product_skips;
+    skips.merge(&plan.truth_skips);
+    // The recording is brought to its end in any case.
+    let outcome = outcome(&mut group, &skips);
     worked?;
     joined?;
-    conclude(group, &product_skips, network)
+    group.check_result()?;
+    network.close()?;
+    Ok(outcome)
 }
 
 fn group(plan: &Plan, options: &ReplayOptions, network: &Network) -> anyhow::Result<Group> {
@@ -250,22 +284,40 @@ fn join(agents: Vec<JoinHandle<()>>, events: &std::sync::mpsc::Receiver<Event>) 
     failed.map_or(Ok(()), Err)
 }
 
-fn conclude(mut group: Group, product_skips: &Skips, network: Network) -> anyhow::Result<Outcome> {
-    group.check_result()?;
-    let outcome = outcome(&mut group, product_skips)?;
-    network.close()?;
-    Ok(outcome)
-}
-
 /// Report, table and finished recording of a group.
-///
-/// # Errors
-/// When the recording cannot be written to its end.
-pub(crate) fn outcome(group: &mut Group, product_skips: &Skips) -> anyhow::Result<Outcome> {
+pub(crate) fn outcome(group: &mut Group, more_skips: &Skips) -> Outcome {
     let names = group.phones().to_vec();
     let (mut report, outputs) = group.report();
-    report.skips.merge(product_skips);
+    report.skips.merge(more_skips);
     let table = report.table(&names);
-    let recording = outputs.finish(&table)?;
-    Ok(Outcome { report, table, recording })
+    let recording = outputs.finish(&table);
+    if let Some((_, recorded)) = &recording {
+        merge_named(&mut report.skips, "recording", &recorded.skips, "first");
+    }
+    let failure = outputs.failure().map(str::to_owned);
+    Outcome { report, table, recording, failure }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_rows_of_a_truth_are_counted_under_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("truth.csv");
+        let text = "gps_week,gps_tow_s,latitude_deg,longitude_deg,ellipsoidal_height_m,velocity_north_mps,\
+            velocity_east_mps,velocity_up_mps,quality\n2118,1.0,30.0,114.0,20.0,0,0,0,1\n2118,nonsense,30.0,114.0,20.0,0,0,0,1\n";
+        std::fs::write(&path, text).unwrap();
+        let phone = |name: &str| SessionPhone {
+            name: name.to_owned(),
+            observations: None,
+            truth: Some(path.clone()),
+        };
+        let (truths, skips) = read_truths_counted(&[phone("a"), phone("b")]).unwrap();
+        assert!(truths.iter().all(|(_, truth)| truth.is_some()));
+        assert_eq!(skips.total(), 1, "one file, read once: {skips}");
+        let (reason, skip) = skips.iter().next().unwrap();
+        assert!(reason.starts_with("truth: ") && skip.first.contains("truth.csv: "), "{skips}");
+    }
 }

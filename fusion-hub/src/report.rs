@@ -28,7 +28,7 @@ pub struct Report {
     pub common_epochs: u64,
     /// What is known of each phone.
     pub phones: BTreeMap<String, PhoneReport>,
-    /// What each constraint did.
+    /// What each constraint did; those of the same bounds at different times together.
     pub constraints: BTreeMap<String, ConstraintReport>,
     /// What was skipped and belongs to no phone.
     pub skips: Skips,
@@ -173,16 +173,26 @@ fn verdict_key(verdict: Verdict) -> String {
     verdict.to_string()
 }
 
-/// A constraint in words, with the phones' names.
+/// A constraint in words, with the phones' names and the bounds.
 pub fn describe(constraint: &Constraint, names: &[String]) -> String {
     let name = |index: usize| names.get(index).map_or("?", String::as_str);
     match *constraint {
-        Constraint::Distance { phones: (i, j), .. } => format!("distance {}–{}", name(i), name(j)),
-        Constraint::VerticalVelocity { phone, .. } => format!("vertical-velocity {}", name(phone)),
-        Constraint::Heading { phone, course_rad, .. } => {
-            format!("heading {} {:.0}°", name(phone), course_rad.to_degrees())
+        Constraint::Distance { phones: (i, j), minimum_m, maximum_m } => {
+            format!("distance {}–{}, {minimum_m} to {maximum_m} m", name(i), name(j))
+        }
+        Constraint::VerticalVelocity { phone, maximum_mps } => {
+            format!("vertical-velocity {}, ±{maximum_mps} m/s", name(phone))
+        }
+        Constraint::Heading { phone, course_rad, tolerance_rad } => {
+            let (course, tolerance) = (degrees(course_rad), degrees(tolerance_rad));
+            format!("heading {}, {course}° ± {tolerance}°", name(phone))
         }
     }
+}
+
+/// Degrees without the last digits of the conversion.
+fn degrees(radians: f64) -> f64 {
+    (radians.to_degrees() * 1e6).round() / 1e6
 }
 
 impl Report {

@@ -92,4 +92,78 @@ fn an_unwritable_recording_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let text = failure(folder.path(), &["demo", "--recording", "no/such/folder/demo.rrd"]);
     assert!(text.contains("no/such/folder/demo.rrd"), "{text}");
+    assert_eq!(text.matches("cannot create the recording").count(), 1, "{text}");
+}
+
+#[test]
+fn an_unwritable_report_is_named_before_anything_is_computed() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = failure(folder.path(), &["demo", "--report", "no/such/folder/demo.json"]);
+    assert!(text.contains("no/such/folder/demo.json: cannot write the report"), "{text}");
+    assert!(!folder.path().join("cofix-demo.rrd").exists());
+}
+
+#[test]
+fn outputs_that_would_overwrite_something_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let session = "group = 'g'\n[[phone]]\nname = 'a'\nobservations = 'a.rnx'\ntruth = 'a.csv'\n";
+    std::fs::write(folder.path().join("live.toml"), session).unwrap();
+    std::fs::write(folder.path().join("old.rrd"), "precious").unwrap();
+    for (arguments, said) in [
+        (vec!["replay", "live.toml", "--report", "live.toml"], "overwrite the session file"),
+        (vec!["replay", "live.toml", "--recording", "./a.rnx"], "overwrite the observations of a"),
+        (vec!["run", "live.toml", "--report", "a.csv"], "overwrite the truth of a"),
+        (vec!["run", "live.toml", "--report", "x", "--recording", "./x"], "overwrite the recording"),
+        (vec!["demo", "--report", "cofix-demo.rrd"], "overwrite the recording"),
+        (vec!["run", "live.toml", "--recording", "old.rrd"], "there is a file already"),
+    ] {
+        let text = failure(folder.path(), &arguments);
+        assert!(text.contains(said), "expected '{said}' in: {text}");
+    }
+    assert_eq!(std::fs::read_to_string(folder.path().join("old.rrd")).unwrap(), "precious");
+    assert_eq!(std::fs::read_to_string(folder.path().join("live.toml")).unwrap(), session);
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_end_a_live_hub_in_order() {
+    use std::io::{BufRead, BufReader};
+    use std::process::{Command, Stdio};
+    for signal in ["-TERM", "-HUP", "-INT"] {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("live.toml"), "group = 'g'\n[[phone]]\nname = 'a'\n").unwrap();
+        let mut hub = Command::new(env!("CARGO_BIN_EXE_cofix-hub"))
+            .current_dir(folder.path())
+            .args(["run", "live.toml", "--listen", "tcp/127.0.0.1:0"])
+            .args(["--recording", "live.rrd", "--report", "live.json"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(hub.stderr.take().unwrap()).lines();
+        assert!(lines.any(|line| line.unwrap().contains("listens on")));
+        let sent = Command::new("kill").args([signal, &hub.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+        assert!(hub.wait().unwrap().success(), "{signal}");
+        assert!(folder.path().join("live.json").exists() && folder.path().join("live.rrd").exists());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_recording_that_breaks_off_fails_at_the_end_and_costs_nothing_else() {
+    use std::io::Read;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("demo.rrd");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    let reader = std::thread::spawn(move || {
+        let mut first = Vec::new();
+        std::fs::File::open(path).unwrap().take(200_000).read_to_end(&mut first).unwrap();
+    });
+    let assert = hub(folder.path(), &["demo", "--recording", "demo.rrd", "--report", "demo.json"]).code(1);
+    reader.join().unwrap();
+    let output = assert.get_output();
+    assert!(String::from_utf8_lossy(&output.stdout).contains("| joint  | SIM3 "));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("the recording is incomplete"));
+    assert!(folder.path().join("demo.json").exists());
 }

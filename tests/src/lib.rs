@@ -60,9 +60,9 @@ impl Hub {
     /// # Errors
     /// When it cannot.
     pub fn start_at(plan: &Plan, course: Course, endpoint: &str) -> anyhow::Result<Self> {
-        let (network, events) = Network::listen(&plan.group, &[endpoint.to_owned()])?;
-        let endpoints = network.endpoints();
         let phones: Vec<String> = plan.phones.iter().map(|phone| phone.name.clone()).collect();
+        let (network, events) = Network::listen(&plan.group, &phones, &[endpoint.to_owned()])?;
+        let endpoints = network.endpoints();
         let truths = plan.phones.iter().map(|phone| (phone.name.clone(), phone.truth.clone())).collect();
         let scores = Scores::new(truths, plan.truth_quality.clone());
         let aligner = match course {
@@ -77,13 +77,13 @@ impl Hub {
             receipts: network.receipts(),
             outputs: Outputs::new(&phones, network.fused_publisher(CongestionControl::Block), scores),
             phones,
-        });
+        })
+        .with_grace(Duration::from_secs(4));
         let stop = Stop::default();
         let asked = stop.clone();
         let thread = std::thread::spawn(move || {
             group.work(&events, &asked)?;
-            // Agents may still ask for receipts; a moment later they have all closed.
-            std::thread::sleep(Duration::from_millis(200));
+            group.see_off(&events, &asked);
             let report = group.report().0;
             network.close()?;
             Ok(report)
@@ -97,6 +97,11 @@ impl Hub {
     /// Why the hub failed.
     pub fn join(self) -> anyhow::Result<Report> {
         self.thread.join().map_err(|_| anyhow::anyhow!("the hub panicked"))?
+    }
+
+    /// Whether it has come to its end.
+    pub fn is_over(&self) -> bool {
+        self.thread.is_finished()
     }
 
     /// Asks the hub to end, and waits for that.

@@ -7,9 +7,10 @@ use std::time::Duration;
 
 use cofix_agent::publication::{Publication, Publisher};
 use cofix_agent::{
-    ProductSource, Source, Stop, link,
+    AgentConfig, ProductSource, Source, Speed, Stop, link,
     pipeline::{PhonePipeline, PipelineOptions},
 };
+use cofix_common::simulation::PhoneOptions;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::{
@@ -18,7 +19,7 @@ use cofix_common::wire::{
 };
 use cofix_hub::group::Course;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
-use cofix_tests::{Hub, agent_config, run_agents, small_plan, start_agent};
+use cofix_tests::{Hub, agent_config, plan_of, run_agents, small_plan, start_agent};
 use zenoh::Wait;
 use zenoh::sample::Locality;
 
@@ -238,6 +239,167 @@ fn fused_states_reach_listeners() {
         }
     }
     assert!(count >= 2 * report.common_epochs - 2, "{count} of {}", 2 * report.common_epochs);
+}
+
+/// Four phones whose recordings start one and two seconds apart.
+fn staggered(duration_s: f64) -> Plan {
+    let phones = [0.0, 1.0, 1.0, 2.0].into_iter().enumerate().map(|(rank, starts_after_s)| PhoneOptions {
+        starts_after_s,
+        stops_before_s: 0.0,
+        ..PhoneOptions::of_vehicle(rank)
+    });
+    plan_of(phones.collect(), duration_s).unwrap()
+}
+
+/// A live group of agents started together: every epoch is fused.
+fn nothing_is_lost_live(plan: &Plan, speed: Speed) {
+    let hub = Hub::start(plan, Course::Live { until_finished: true }).unwrap();
+    let agents: Vec<_> = (0..plan.phones.len())
+        .map(|phone| start_agent(AgentConfig { speed, ..agent_config(plan, phone, &hub.endpoints).unwrap() }))
+        .collect();
+    for agent in agents {
+        assert!(agent.join().unwrap().is_ok());
+    }
+    let report = hub.join().unwrap();
+    for (index, phone) in plan.phones.iter().enumerate() {
+        let found = &report.phones[&phone.name];
+        assert_eq!(found.skips.count("epoch too late"), 0, "{}: {}", phone.name, found.skips);
+        assert_eq!(found.epochs, messages(plan, index).len() as u64, "{}", phone.name);
+    }
+}
+
+#[test]
+fn recordings_that_start_at_different_seconds_lose_nothing_live_at_full_speed() {
+    nothing_is_lost_live(&staggered(200.0), Speed::Maximum);
+}
+
+#[test]
+fn recordings_that_start_at_different_seconds_lose_nothing_live_in_real_time() {
+    nothing_is_lost_live(&staggered(8.0), Speed::Times(1.0));
+    nothing_is_lost_live(&staggered(60.0), Speed::Times(20.0));
+}
+
+#[test]
+fn a_late_live_hub_loses_nothing_of_two_phones() {
+    let plan = small_plan(2, 60.0).unwrap();
+    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let first = Hub::start_at(&plan, Course::Live { until_finished: false }, &endpoint).unwrap();
+    let mut publications = [0, 1].map(|phone| publication(&plan, phone, std::slice::from_ref(&endpoint)));
+    let sent = [0, 1].map(|phone| messages(&plan, phone));
+    for (publication, sent) in publications.iter_mut().zip(&sent) {
+        for message in &sent[..40] {
+            publication.epoch(message).unwrap();
+        }
+    }
+    first.end().unwrap();
+    let second = Hub::start_at(&plan, Course::Live { until_finished: true }, &endpoint).unwrap();
+    for (publication, sent) in publications.iter_mut().zip(&sent) {
+        assert!(publication.wait_for_listener(Duration::from_secs(20), &Stop::default()).unwrap());
+        for message in &sent[40..] {
+            publication.epoch(message).unwrap();
+        }
+        let epochs_published = sent.len() as u64;
+        let skips = Skips::default();
+        publication.status(PhoneStatus::Finished { epochs_published, skips, error: None }).unwrap();
+    }
+    for (publication, sent) in publications.iter().zip(&sent) {
+        let received = publication.wait_for_receipt(Duration::from_secs(20), &Stop::default());
+        assert_eq!(received, Some(sent.len() as u64));
+    }
+    for publication in publications {
+        publication.close().unwrap();
+    }
+    let report = second.join().unwrap();
+    for (phone, sent) in ["SIM1", "SIM2"].iter().zip(&sent) {
+        let found = &report.phones[*phone];
+        assert_eq!((found.epochs, found.skips.count("epoch too late")), (sent.len() as u64, 0), "{phone}");
+    }
+}
+
+#[test]
+fn a_lost_message_is_counted_live_and_the_session_ends() {
+    let plan = small_plan(1, 20.0).unwrap();
+    let hub = Hub::start(&plan, Course::Live { until_finished: true }).unwrap();
+    let mut publication = publication(&plan, 0, &hub.endpoints);
+    let sent = messages(&plan, 0);
+    for message in &sent {
+        publication.epoch(message).unwrap();
+    }
+    let epochs_published = sent.len() as u64 + 2;
+    let skips = Skips::default();
+    publication.status(PhoneStatus::Finished { epochs_published, skips, error: None }).unwrap();
+    let report = hub.join().unwrap();
+    assert_eq!(report.phones["SIM1"].epochs, sent.len() as u64);
+    assert_eq!(report.phones["SIM1"].skips.count("published epochs did not arrive"), 2);
+    publication.close().unwrap();
+}
+
+#[test]
+fn a_phone_that_the_session_does_not_name_is_told_so_at_once() {
+    let plan = small_plan(2, 20.0).unwrap();
+    let hub = Hub::start(&plan, Course::Live { until_finished: false }).unwrap();
+    let mut config = agent_config(&plan, 0, &hub.endpoints).unwrap();
+    config.phone = "SIM9".to_owned();
+    let error = start_agent(config).join().unwrap().unwrap_err().to_string();
+    assert_eq!(error, "the hub refuses the phone: the session has no phone 'SIM9'; it has SIM1, SIM2");
+    let report = hub.end().unwrap();
+    assert!(report.skips.is_empty(), "{}", report.skips);
+}
+
+#[test]
+fn names_are_checked_before_files_are_read() {
+    let plan = small_plan(1, 10.0).unwrap();
+    let mut config = agent_config(&plan, 0, &["tcp/127.0.0.1:9".to_owned()]).unwrap();
+    config.phone = "a/b".to_owned();
+    config.source = Source::File("no/such/file.rnx".into());
+    let error = start_agent(config).join().unwrap().unwrap_err().to_string();
+    assert!(error.contains("'a/b'"), "{error}");
+}
+
+#[test]
+fn the_end_waits_for_both_agents_of_one_name() {
+    let plan = small_plan(1, 20.0).unwrap();
+    let hub = Hub::start(&plan, Course::Live { until_finished: true }).unwrap();
+    let mut both = [0, 0].map(|phone| publication(&plan, phone, &hub.endpoints));
+    let sent = messages(&plan, 0);
+    for (publication, part) in both.iter_mut().zip([&sent[..10], &sent[10..]]) {
+        let epochs_expected = None;
+        publication.status(PhoneStatus::Started { summary: String::new(), epochs_expected }).unwrap();
+        for (sequence, message) in part.iter().enumerate() {
+            publication.epoch(&EpochMessage { sequence: sequence as u64, ..message.clone() }).unwrap();
+        }
+        let all = publication.wait_for_receipt(Duration::from_secs(10), &Stop::default());
+        assert_eq!(all, Some(part.len() as u64));
+    }
+    for publication in both.iter().rev() {
+        assert!(!hub.is_over(), "one of them still runs");
+        let epochs_published = publication.published();
+        let skips = Skips::default();
+        publication.status(PhoneStatus::Finished { epochs_published, skips, error: None }).unwrap();
+    }
+    let report = hub.join().unwrap();
+    assert_eq!(report.phones["SIM1"].skips.count("two agents of one name at a time"), 1);
+    assert_eq!(report.phones["SIM1"].epochs, sent.len() as u64);
+    for publication in both {
+        publication.close().unwrap();
+    }
+}
+
+#[test]
+fn an_agent_that_is_stopped_without_a_receipt_fails() {
+    let plan = small_plan(1, 60.0).unwrap();
+    let hub = Hub::start(&plan, Course::Live { until_finished: false }).unwrap();
+    let stop = Stop::default();
+    let config = AgentConfig { speed: Speed::Times(10.0), ..agent_config(&plan, 0, &hub.endpoints).unwrap() };
+    let asked = stop.clone();
+    let agent = std::thread::spawn(move || cofix_agent::run(&config, &asked));
+    std::thread::sleep(Duration::from_secs(1));
+    hub.end().unwrap();
+    std::thread::sleep(Duration::from_millis(500));
+    stop.request();
+    let error = agent.join().unwrap().unwrap_err().to_string();
+    assert!(error.contains("confirmed"), "{error}");
 }
 
 #[test]

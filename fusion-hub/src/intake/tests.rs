@@ -106,11 +106,61 @@ fn what_cannot_be_used_is_counted_and_named() {
     assert!(intake.phone_skips(1).unwrap().is_empty());
 }
 
+fn started(phone: &str) -> Vec<u8> {
+    status(phone, PhoneStatus::Started { summary: String::new(), epochs_expected: None })
+}
+
 #[test]
-fn senders_without_end_do_not_fill_the_memory() {
+fn restarts_without_end_neither_fill_the_memory_nor_lock_the_phone_out() {
     let mut intake = intake();
-    for sender in 0..1_000 {
-        intake.epoch(&from(&sender.to_string(), "a", encode(&epoch("a", 0)).unwrap()));
+    for run in 0..1_000 {
+        let sender = run.to_string();
+        intake.status(&from(&sender, "a", started("a")));
+        assert!(intake.epoch(&from(&sender, "a", encode(&epoch("a", 0)).unwrap())).is_some(), "{run}");
+        intake.status(&from(&sender, "a", finished("a", 1)));
+        assert!(intake.is_complete(0));
     }
-    assert_eq!(intake.phone_skips(0).unwrap().count("too many senders"), 1_000 - MAXIMUM_SENDERS as u64);
+    assert_eq!(intake.desks[0].runs.len(), MAXIMUM_RUNS);
+    let skips = intake.phone_skips(0).unwrap();
+    assert_eq!(skips.count("run of an agent forgotten: too many"), 1_000 - MAXIMUM_RUNS as u64);
+    assert_eq!(skips.total(), 1_000 - MAXIMUM_RUNS as u64, "{skips}");
+}
+
+#[test]
+fn anonymous_senders_do_not_push_out_the_current_run() {
+    let mut intake = intake();
+    intake.status(&from("x", "a", started("a")));
+    intake.epoch(&from("x", "a", encode(&epoch("a", 0)).unwrap()));
+    for sender in 0..1_000 {
+        intake.epoch(&from(&format!("s{sender}"), "a", encode(&epoch("a", 0)).unwrap()));
+    }
+    assert_eq!(intake.received(0, "x"), 1);
+}
+
+#[test]
+fn lost_epochs_are_given_up_and_counted() {
+    let mut intake = intake();
+    intake.epoch(&from("x", "a", encode(&epoch("a", 0)).unwrap()));
+    intake.status(&from("x", "a", finished("a", 4)));
+    assert!(!intake.is_complete(0));
+    assert_eq!(intake.give_up(0), 3);
+    assert!(intake.is_complete(0));
+    assert_eq!(intake.phone_skips(0).unwrap().count("published epochs did not arrive"), 3);
+    intake.status(&from("y", "a", finished("a", u64::MAX)));
+    assert_eq!(intake.give_up(0), u64::MAX, "any number may be claimed");
+}
+
+#[test]
+fn two_agents_of_one_name_are_noticed_and_both_waited_for() {
+    let mut intake = intake();
+    intake.status(&from("x", "a", started("a")));
+    let notice = intake.status(&from("y", "a", started("a")));
+    assert!(matches!(notice, Some(Notice::Started { twice: true, .. })));
+    assert_eq!(intake.phone_skips(0).unwrap().count("two agents of one name at a time"), 1);
+    intake.status(&from("y", "a", finished("a", 0)));
+    assert!(!intake.is_complete(0), "the other still runs");
+    intake.gone(0);
+    assert!(intake.is_complete(0));
+    let notice = intake.status(&from("z", "a", started("a")));
+    assert!(matches!(notice, Some(Notice::Started { twice: false, .. })), "a restart is no twin");
 }

@@ -49,6 +49,7 @@ mod signals;
 mod track;
 
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Ecef, LocalFrame};
@@ -107,6 +108,10 @@ pub struct Recorder {
     frame: Option<LocalFrame>,
     span_ns: Option<(i64, i64)>,
     epochs: usize,
+    /// Longest time that an epoch waits to be written.
+    maximum_age: Option<Duration>,
+    /// When the oldest epoch that is not written came.
+    unwritten_since: Option<Instant>,
     skips: Skips,
 }
 
@@ -146,8 +151,29 @@ impl Recorder {
             frame: None,
             span_ns: None,
             epochs: 0,
+            maximum_age: None,
+            unwritten_since: None,
             skips: Skips::default(),
         })
+    }
+
+    /// Writes what is older than `age` when [`Recorder::tick`] is called: for live sessions, which may end by a power cut. The more
+    /// often, the larger the file.
+    pub fn write_after(&mut self, age: Duration) {
+        self.maximum_age = Some(age);
+    }
+
+    /// Looks at the clock, and writes what is due.
+    ///
+    /// # Errors
+    /// When the file cannot be written. The recording is then incomplete.
+    pub fn tick(&mut self) -> Result<(), RecorderError> {
+        let age = self.unwritten_since.map(|since| since.elapsed());
+        if !matches!((age, self.maximum_age), (Some(age), Some(maximum)) if age >= maximum) {
+            return Ok(());
+        }
+        self.write_segment()?;
+        self.file.flush()
     }
 
     /// Adds an epoch. `truth` has one entry per phone in the group's order; missing ones mean no truth.
@@ -185,6 +211,7 @@ impl Recorder {
         let (first, last) = self.span_ns.unwrap_or((time_ns, time_ns));
         self.span_ns = Some((first.min(time_ns), last.max(time_ns)));
         self.epochs += 1;
+        self.unwritten_since.get_or_insert_with(Instant::now);
         if self.epochs.is_multiple_of(EPOCHS_PER_SEGMENT) { self.write_segment() } else { Ok(()) }
     }
 
@@ -208,6 +235,7 @@ impl Recorder {
     }
 
     fn write_segment(&mut self) -> Result<(), RecorderError> {
+        self.unwritten_since = None;
         self.phones.iter_mut().try_for_each(|phone| phone.write_segment(&mut self.file))?;
         self.focus.write_segment(&mut self.file)?;
         self.group.write_segment(&mut self.file)

@@ -118,6 +118,12 @@ impl RrdFile {
         self.append(&LogMsg::BlueprintActivationCommand(BlueprintActivationCommand::make_active(blueprint)))
     }
 
+    /// Hands everything to the operating system.
+    pub fn flush(&mut self) -> Result<(), RecorderError> {
+        let Self { path, encoder, .. } = self;
+        encoder.flush_blocking().map_err(|error| write_error(path, &error))
+    }
+
     /// Ends the file; returns its size, bytes.
     pub fn finish(mut self) -> Result<u64, RecorderError> {
         let Self { path, encoder, .. } = &mut self;

@@ -66,9 +66,9 @@ fn epochs_verdicts_and_constraints_are_counted() {
         mean_shift_m: 0.3,
         enlarged: 1,
     };
-    assert_eq!(constraints["distance b–a"], expected);
-    assert_eq!(constraints["vertical-velocity a"].violated_before, 1);
-    assert_eq!(constraints["heading b 57°"].violated_before, 0);
+    assert_eq!(constraints["distance b–a, 1 to 2 m"], expected);
+    assert_eq!(constraints["vertical-velocity a, ±1 m/s"].violated_before, 1);
+    assert_eq!(constraints["heading b, 57.29578° ± 5.729578°"].violated_before, 0);
 }
 
 #[test]
