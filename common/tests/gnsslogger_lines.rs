@@ -1,6 +1,9 @@
 //! Small logs written here: every constellation, every mask, every kind of damage.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod broadcast_words;
+
+use broadcast_words::PRN4;
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::decode::{Decoder, Record};
 use cofix_common::gnss::{Observation, ObservationEpoch};
@@ -510,33 +513,14 @@ fn fixes_of_both_formats() {
     assert_eq!(decoded.skips.count("Fix line: a needed value is missing"), 1);
 }
 
-/// Subframes 1 to 3 and the ionosphere page as GPS PRN 4 sent them at the start of week 1869 (quoted in the tests of the
-/// GNSSTk, University of Texas), as `Nav` lines.
+/// Subframes 1 to 3 and the ionosphere page of a satellite as `Nav` lines.
 fn nav_lines() -> Vec<String> {
-    let subframes: [[u32; 10]; 4] = [
-        [
-            0x22C34D21, 0x000029D4, 0x34D44000, 0x091B1DE7, 0x1C33746E, 0x2F701369, 0x39F53CB5, 0x128070A8,
-            0x003FF454, 0x3EAFC2F0,
-        ],
-        [
-            0x22C34D21, 0x00004A44, 0x12BFCB3A, 0x0D7A9094, 0x3B99FBAF, 0x3FC081B8, 0x09D171E1, 0x04B0A847,
-            0x03497656, 0x00709FA0,
-        ],
-        [
-            0x22C34D21, 0x00006BCC, 0x3FE14ED4, 0x05ABBB58, 0x3FE3498B, 0x145EE03A, 0x062ECB6F, 0x1C48068F,
-            0x3FE95E1E, 0x12844624,
-        ],
-        [
-            0x22C34D21, 0x000B2C64, 0x1E05FFE1, 0x3F808FEC, 0x3F7F405F, 0x00000413, 0x0000003F, 0x01491376,
-            0x044EC0EB, 0x044000D8,
-        ],
-    ];
     let line = |(number, words): (usize, &[u32; 10])| {
         let bytes: Vec<String> =
             words.iter().flat_map(|w| w.to_be_bytes()).map(|b| b.cast_signed().to_string()).collect();
         format!("Nav,4,257,1,-1,{},{}", number + 1, bytes.join(","))
     };
-    subframes.iter().enumerate().map(line).collect()
+    PRN4.iter().enumerate().map(line).collect()
 }
 
 #[test]

@@ -1,10 +1,12 @@
 //! Navigation message bits to ephemerides.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod broadcast_words;
 mod navbits_encoder;
 
 use std::f64::consts::PI;
 
+use broadcast_words::PRN4;
 use cofix_common::gnss::SatelliteId;
 use cofix_common::navbits::{InavAssembler, LnavAssembler, ReceiverCheck};
 use cofix_common::orbit::KeplerEphemeris;
@@ -12,26 +14,7 @@ use cofix_common::time::GpsTime;
 use navbits_encoder::{Bits, LnavFields, fields, integer, page, rinex2, unit};
 use proptest::prelude::*;
 
-/// Subframes 1, 2, 3 and page 18 of subframe 4 as GPS PRN 4 sent them at the start of week 1869, and those of QZSS J01 in
-/// week 2118 (words quoted in the tests of the GNSSTk, University of Texas).
-const PRN4: [[u32; 10]; 4] = [
-    [
-        0x22C34D21, 0x000029D4, 0x34D44000, 0x091B1DE7, 0x1C33746E, 0x2F701369, 0x39F53CB5, 0x128070A8,
-        0x003FF454, 0x3EAFC2F0,
-    ],
-    [
-        0x22C34D21, 0x00004A44, 0x12BFCB3A, 0x0D7A9094, 0x3B99FBAF, 0x3FC081B8, 0x09D171E1, 0x04B0A847,
-        0x03497656, 0x00709FA0,
-    ],
-    [
-        0x22C34D21, 0x00006BCC, 0x3FE14ED4, 0x05ABBB58, 0x3FE3498B, 0x145EE03A, 0x062ECB6F, 0x1C48068F,
-        0x3FE95E1E, 0x12844624,
-    ],
-    [
-        0x22C34D21, 0x000B2C64, 0x1E05FFE1, 0x3F808FEC, 0x3F7F405F, 0x00000413, 0x0000003F, 0x01491376,
-        0x044EC0EB, 0x044000D8,
-    ],
-];
+/// The same subframes of QZSS J01 in week 2118, from the same source.
 const J01: [[u32; 10]; 4] = [
     [
         0x22C0AA24, 0x2A302164, 0x046840DF, 0x20000015, 0x00000016, 0x00000029, 0x00003D3C, 0x205FDC4B,
