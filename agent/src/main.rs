@@ -9,6 +9,7 @@ use clap::{Args, Parser, Subcommand};
 use cofix_agent::convert::Outputs;
 use cofix_agent::input::LiveSource;
 use cofix_agent::pipeline::PipelineOptions;
+use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
 use cofix_common::time::GpsTime;
 
@@ -196,23 +197,12 @@ impl Publish {
 }
 
 fn start(config: AgentConfig) -> anyhow::Result<()> {
-    // Zenoh needs a multi-threaded runtime around it; the agent itself blocks on a thread of its own.
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-    runtime.block_on(async {
-        let stop = Stop::default();
-        let interrupted = stop.clone();
-        tokio::spawn(async move {
-            if cofix_agent::signals::asked_to_end().await.is_ok() {
-                interrupted.request();
-            }
-        });
-        let phone = config.phone.clone();
-        let report = tokio::task::spawn_blocking(move || cofix_agent::run(&config, &stop)).await??;
-        for (reason, skip) in report.skips.iter() {
-            tracing::warn!("skipped {} × {reason}, first: {}", skip.count, skip.first);
-        }
-        let how = if report.stopped { "stopped" } else { "finished" };
-        tracing::info!("{phone}: {how} after {} epochs", report.epochs_published);
-        Ok(())
-    })
+    let phone = config.phone.clone();
+    let report = run_until_asked_to_end(move |stop| Ok(cofix_agent::run(&config, stop)?))?;
+    for (reason, skip) in report.skips.iter() {
+        tracing::warn!("skipped {} × {reason}, first: {}", skip.count, skip.first);
+    }
+    let how = if report.stopped { "stopped" } else { "finished" };
+    tracing::info!("{phone}: {how} after {} epochs", report.epochs_published);
+    Ok(())
 }

@@ -1,5 +1,28 @@
 //! Requests to end from outside the process.
 
+use crate::Stop;
+
+/// Runs `work` to its end on a thread of its own, inside the multi-threaded runtime that Zenoh needs around it; its [`Stop`] is
+/// requested when the process is asked to end (see [`asked_to_end`]).
+///
+/// # Errors
+/// When the runtime cannot be built, or `work` fails or panics.
+pub fn run_until_asked_to_end<T: Send + 'static>(
+    work: impl FnOnce(&Stop) -> anyhow::Result<T> + Send + 'static,
+) -> anyhow::Result<T> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    runtime.block_on(async {
+        let stop = Stop::default();
+        let interrupted = stop.clone();
+        tokio::spawn(async move {
+            if asked_to_end().await.is_ok() {
+                interrupted.request();
+            }
+        });
+        tokio::task::spawn_blocking(move || work(&stop)).await?
+    })
+}
+
 /// Returns when the process is asked to end: Ctrl-C, and on Unix SIGTERM and, unless the process was told to ignore it (`nohup`), SIGHUP.
 ///
 /// # Errors

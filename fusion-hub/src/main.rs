@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use anyhow::bail;
 use clap::{Parser, Subcommand};
+use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
 use cofix_common::simulation::Scenario;
 use cofix_hub::align::AlignOptions;
@@ -86,7 +87,7 @@ fn latency(text: &str) -> Result<f64, String> {
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     log_to_stderr(&arguments.command);
-    match start(arguments.command) {
+    match run_until_asked_to_end(move |stop| execute(arguments.command, stop)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             tracing::error!("{error:#}");
@@ -105,21 +106,6 @@ fn log_to_stderr(command: &Command) {
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .init();
-}
-
-fn start(command: Command) -> anyhow::Result<()> {
-    // Zenoh needs a multi-threaded runtime around it; the hub itself blocks on a thread of its own.
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-    runtime.block_on(async {
-        let stop = Stop::default();
-        let interrupted = stop.clone();
-        tokio::spawn(async move {
-            if cofix_agent::signals::asked_to_end().await.is_ok() {
-                interrupted.request();
-            }
-        });
-        tokio::task::spawn_blocking(move || execute(command, &stop)).await?
-    })
 }
 
 fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {

@@ -32,6 +32,42 @@ impl Stream {
     }
 }
 
+/// A decoder that takes lines: what [`feed`] and [`finish`] need to make a stream of it.
+trait LineDecoder {
+    fn stream(&mut self) -> &mut Stream;
+
+    /// Takes a line; a record when it completes one.
+    fn take_line(&mut self, line: Line<'_>) -> Result<Option<Record>, RinexError>;
+
+    /// There are no more lines; a record when their end completes one.
+    fn end_of_lines(&mut self) -> Result<Option<Record>, RinexError>;
+}
+
+fn feed(decoder: &mut impl LineDecoder, bytes: &[u8]) -> Result<(), WrongStream> {
+    work(decoder, |decoder, Stream { assembly, ready, .. }| {
+        assembly.feed(bytes, |line| decoder.take_line(line).map(|record| ready.extend(record)))
+    })
+}
+
+fn finish(decoder: &mut impl LineDecoder) -> Result<(), WrongStream> {
+    work(decoder, |decoder, Stream { assembly, ready, .. }| {
+        assembly.finish(|line| decoder.take_line(line).map(|record| ready.extend(record)))?;
+        decoder.end_of_lines().map(|record| ready.extend(record))
+    })
+}
+
+/// Lends the stream out of the decoder while both are at work.
+fn work<D: LineDecoder>(
+    decoder: &mut D,
+    run: impl FnOnce(&mut D, &mut Stream) -> Result<(), RinexError>,
+) -> Result<(), WrongStream> {
+    decoder.stream().check()?;
+    let mut stream = std::mem::take(decoder.stream());
+    let result = run(decoder, &mut stream);
+    *decoder.stream() = stream;
+    decoder.stream().end(result)
+}
+
 impl ObservationDecoder {
     /// Decodes a whole file.
     pub(super) fn whole(
@@ -51,25 +87,27 @@ impl ObservationDecoder {
     }
 }
 
+impl LineDecoder for ObservationDecoder {
+    fn stream(&mut self) -> &mut Stream {
+        &mut self.stream
+    }
+
+    fn take_line(&mut self, line: Line<'_>) -> Result<Option<Record>, RinexError> {
+        self.take(line).map(|epoch| epoch.map(Record::Epoch))
+    }
+
+    fn end_of_lines(&mut self) -> Result<Option<Record>, RinexError> {
+        Self::finish(self).map(|()| None)
+    }
+}
+
 impl Decoder for ObservationDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
-        self.stream.check()?;
-        let mut stream = std::mem::take(&mut self.stream);
-        let Stream { assembly, ready, .. } = &mut stream;
-        let take = |line: Line<'_>| self.take(line).map(|epoch| ready.extend(epoch.map(Record::Epoch)));
-        let result = assembly.feed(bytes, take);
-        self.stream = stream;
-        self.stream.end(result)
+        feed(self, bytes)
     }
 
     fn finish(&mut self) -> Result<(), WrongStream> {
-        self.stream.check()?;
-        let mut stream = std::mem::take(&mut self.stream);
-        let Stream { assembly, ready, .. } = &mut stream;
-        let take = |line: Line<'_>| self.take(line).map(|epoch| ready.extend(epoch.map(Record::Epoch)));
-        let result = assembly.finish(take).and_then(|()| Self::finish(self));
-        self.stream = stream;
-        self.stream.end(result)
+        finish(self)
     }
 
     fn next_record(&mut self) -> Option<Record> {
@@ -106,26 +144,27 @@ impl NavigationDecoder {
     }
 }
 
+impl LineDecoder for NavigationDecoder {
+    fn stream(&mut self) -> &mut Stream {
+        &mut self.stream
+    }
+
+    fn take_line(&mut self, line: Line<'_>) -> Result<Option<Record>, RinexError> {
+        self.take(line).map(|found| found.map(Record::from))
+    }
+
+    fn end_of_lines(&mut self) -> Result<Option<Record>, RinexError> {
+        self.end().map(|found| found.map(Record::from))
+    }
+}
+
 impl Decoder for NavigationDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
-        self.stream.check()?;
-        let mut stream = std::mem::take(&mut self.stream);
-        let Stream { assembly, ready, .. } = &mut stream;
-        let take = |line: Line<'_>| self.take(line).map(|found| ready.extend(found.map(Record::from)));
-        let result = assembly.feed(bytes, take);
-        self.stream = stream;
-        self.stream.end(result)
+        feed(self, bytes)
     }
 
     fn finish(&mut self) -> Result<(), WrongStream> {
-        self.stream.check()?;
-        let mut stream = std::mem::take(&mut self.stream);
-        let Stream { assembly, ready, .. } = &mut stream;
-        let take = |line: Line<'_>| self.take(line).map(|found| ready.extend(found.map(Record::from)));
-        let last = assembly.finish(take).and_then(|()| self.end());
-        let result = last.map(|found| stream.ready.extend(found.map(Record::from)));
-        self.stream = stream;
-        self.stream.end(result)
+        finish(self)
     }
 
     fn next_record(&mut self) -> Option<Record> {
