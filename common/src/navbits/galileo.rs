@@ -7,7 +7,7 @@ use super::bits::{scaled, signed, unsigned};
 use super::galileo_page::{Word, word};
 use super::{ReceiverCheck, Refused, plausible, refused};
 use crate::gnss::SatelliteId;
-use crate::orbit::{KeplerEphemeris, NavigationMessage};
+use crate::orbit::{KeplerEphemeris, NavigationMessage, sisa_m};
 use crate::time::{GpsTime, SECONDS_PER_WEEK};
 
 /// Galileo's week 0 is GPS week 1024.
@@ -133,7 +133,7 @@ fn ephemeris(
         cic_cis_rad: (number(four, 22, 16, -29), number(four, 38, 16, -29)),
         clock: (number(four, 68, 31, -34), number(four, 99, 21, -46), number(four, 120, 6, -59)),
         group_delays_s: (number(five, 47, 10, -32), number(five, 57, 10, -32)),
-        accuracy_m: accuracy_m(unsigned(three, 120, 8)),
+        accuracy_m: sisa_m(unsigned(three, 120, 8)),
         health: health(five),
         issue_of_data: u32::try_from(unsigned(one, 6, 10)).unwrap_or_default(),
     })
@@ -144,17 +144,4 @@ fn health(five: &Word) -> f64 {
     let (e5b_hs, e1b_hs) = (unsigned(five, 67, 2), unsigned(five, 69, 2));
     let (e5b_dvs, e1b_dvs) = (unsigned(five, 71, 1), unsigned(five, 72, 1));
     (e1b_dvs | e1b_hs << 1 | e5b_dvs << 6 | e5b_hs << 7) as f64
-}
-
-/// Signal-in-space accuracy of an index, m (table 89). No prediction (255) and reserved numbers are taken as 10 m, as for
-/// files that do not give it.
-fn accuracy_m(index: u64) -> f64 {
-    let i = index as f64;
-    match index {
-        0..50 => 0.01 * i,
-        50..75 => 0.5 + 0.02 * (i - 50.0),
-        75..100 => 1.0 + 0.04 * (i - 75.0),
-        100..=125 => 2.0 + 0.16 * (i - 100.0),
-        _ => 10.0,
-    }
 }

@@ -8,7 +8,7 @@ use super::lnav_words::{Data, data};
 use super::{ReceiverCheck, Refused, plausible, refused};
 use crate::atmosphere::KlobucharCoefficients;
 use crate::gnss::{Constellation, SatelliteId};
-use crate::orbit::{KeplerEphemeris, NavigationMessage};
+use crate::orbit::{KeplerEphemeris, NavigationMessage, ura_m};
 use crate::time::{GpsTime, SECONDS_PER_WEEK};
 
 /// Subframes that are farther apart than this do not belong together even with equal issues of data, s: an issue may come
@@ -181,7 +181,7 @@ fn ephemeris(
         cic_cis_rad: (number(third, 48, 16, -29), number(third, 96, 16, -29)),
         clock: (number(clock, 216, 22, -31), number(clock, 200, 16, -43), number(clock, 192, 8, -55)),
         group_delays_s: (number(clock, 160, 8, -31), 0.0),
-        accuracy_m: accuracy_m(unsigned(clock, 60, 4)),
+        accuracy_m: ura_m(unsigned(clock, 60, 4)),
         health: unsigned(clock, 64, 6) as f64,
         issue_of_data: u32::try_from(unsigned(second, 48, 8)).unwrap_or_default(),
     })
@@ -196,14 +196,4 @@ fn check_week(satellite: SatelliteId, first: &Subframe) -> Result<(), Refused> {
     }
     let detail = format!("{satellite}: week {broadcast}, {expected} expected at {}", first.sent);
     Err(refused("ephemeris of another week than the recording's", detail))
-}
-
-/// Nominal user range accuracy of an index, m (IS-GPS-200, 20.3.3.3.1.3). Index 15, no prediction, is "more than 6144 m".
-fn accuracy_m(index: u64) -> f64 {
-    const FIRST: [f64; 7] = [2.0, 2.8, 4.0, 5.7, 8.0, 11.3, 16.0];
-    let index = usize::try_from(index).unwrap_or(15);
-    FIRST.get(index).copied().unwrap_or_else(|| match index {
-        15.. => 6_144.0,
-        _ => 2_f64.powi(i32::try_from(index).unwrap_or(14) - 2),
-    })
 }

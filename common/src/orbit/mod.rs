@@ -1,5 +1,6 @@
 //! Satellite position, velocity and clock, from precise (SP3) or broadcast (Kepler, GLONASS) orbits.
 
+mod accuracy_index;
 mod broadcast;
 mod glonass;
 mod group_delay;
@@ -8,6 +9,7 @@ mod precise;
 mod products;
 mod sp3;
 
+pub use accuracy_index::{UNKNOWN_ACCURACY_M, sisa_m, ura_m};
 pub use broadcast::is_healthy;
 pub use glonass::GlonassEphemeris;
 pub use kepler::{KeplerEphemeris, NavigationMessage};

@@ -3,11 +3,9 @@
 use super::version::year_2;
 use super::{columns, integer, real};
 use crate::gnss::{Constellation, SatelliteId};
-use crate::orbit::{KeplerEphemeris, NavigationMessage};
+use crate::orbit::{KeplerEphemeris, NavigationMessage, UNKNOWN_ACCURACY_M};
 use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, Calendar, GpsTime, SECONDS_PER_WEEK};
 
-/// Accuracy assumed where the message gives no usable prediction, m.
-const UNKNOWN_ACCURACY_M: f64 = 10.0;
 /// Clock reference and orbit reference are never farther apart than this, s.
 const MAX_TOE_TOC_S: f64 = 86_400.0;
 /// Larger group delays (s) cannot be broadcast; files write such numbers for "missing".

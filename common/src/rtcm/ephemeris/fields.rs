@@ -4,10 +4,7 @@ use std::f64::consts::PI;
 
 use super::super::bits::{Bits, TooShort};
 use crate::gnss::{Constellation, SatelliteId};
-use crate::orbit::NavigationMessage;
-
-/// Accuracy assumed where the message gives no prediction, m.
-const UNKNOWN_ACCURACY_M: f64 = 10.0;
+use crate::orbit::{NavigationMessage, sisa_m, ura_m};
 
 /// The fields that all five messages have in this order, from C_rs to Ω̇.
 pub(super) struct Orbit {
@@ -100,7 +97,7 @@ pub(super) fn gps(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     let widths = widths(Constellation::Gps);
     let satellite = satellite(bits, 6, Constellation::Gps)?;
     let week = (bits.unsigned(10)?, 1024);
-    let accuracy_m = ura_m(bits.unsigned(4)?);
+    let accuracy_m = ura_m(bits.unsigned(4)?.into());
     bits.skip(2); // code on L2
     let i_dot_radps = bits.scaled(14, PI * power(-43))?;
     let issue_of_data = bits.unsigned(8)?;
@@ -135,7 +132,7 @@ pub(super) fn qzss(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     let i_dot_radps = bits.scaled(14, PI * power(-43))?;
     bits.skip(2); // code on L2
     let week = (bits.unsigned(10)?, 1024);
-    let accuracy_m = ura_m(bits.unsigned(4)?);
+    let accuracy_m = ura_m(bits.unsigned(4)?.into());
     let health = bits.unsigned(6)?;
     let group_delays_s = (bits.scaled(8, power(-31))?, 0.0);
     let message = NavigationMessage::Lnav;
@@ -168,7 +165,7 @@ pub(super) fn beidou(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     let widths = widths(Constellation::Beidou);
     let satellite = satellite(bits, 6, Constellation::Beidou)?;
     let week = (bits.unsigned(13)?, 8192);
-    let accuracy_m = ura_m(bits.unsigned(4)?);
+    let accuracy_m = ura_m(bits.unsigned(4)?.into());
     let i_dot_radps = bits.scaled(14, PI * power(-43))?;
     let issue_of_data = bits.unsigned(5)?;
     let toc_s = bits.scaled_unsigned(widths.time.0, widths.time.1)?;
@@ -201,7 +198,7 @@ pub(super) fn galileo(bits: &mut Bits<'_>, inav: bool) -> Result<(Rest, Orbit), 
     let satellite = satellite(bits, 6, Constellation::Galileo)?;
     let week = (bits.unsigned(12)?, 4096);
     let issue_of_data = bits.unsigned(10)?;
-    let accuracy_m = sisa_m(bits.unsigned(8)?);
+    let accuracy_m = sisa_m(bits.unsigned(8)?.into());
     let i_dot_radps = bits.scaled(14, PI * power(-43))?;
     let toc_s = bits.scaled_unsigned(widths.time.0, widths.time.1)?;
     let rate = bits.scaled(6, power(-59))?;
@@ -245,27 +242,4 @@ fn satellite(
 ) -> Result<SatelliteId, TooShort> {
     let number = u8::try_from(bits.unsigned(width)?).unwrap_or_default();
     Ok(SatelliteId::new(constellation, number))
-}
-
-/// User range accuracy of an index (IS-GPS-200, 20.3.3.3.1.3; BDS-SIS-ICD-B1I, 5.2.4.5), m.
-fn ura_m(index: u32) -> f64 {
-    match index {
-        1 => 2.8,
-        3 => 5.7,
-        5 => 11.3,
-        0..=6 => 2_f64.powf(1.0 + f64::from(index) / 2.0),
-        _ => 2_f64.powf(f64::from(index) - 2.0),
-    }
-}
-
-/// Signal-in-space accuracy of an index (Galileo OS SIS ICD, SISA), m.
-fn sisa_m(index: u32) -> f64 {
-    let above = |start: u32, base: f64, step: f64| base + step * f64::from(index - start);
-    match index {
-        0..50 => above(0, 0.0, 0.01).max(0.01),
-        50..75 => above(50, 0.5, 0.02),
-        75..100 => above(75, 1.0, 0.04),
-        100..=125 => above(100, 2.0, 0.16),
-        _ => UNKNOWN_ACCURACY_M,
-    }
 }
