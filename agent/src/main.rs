@@ -38,6 +38,12 @@ struct Inspect {
     /// Recordings of any format that is read (.gz too)
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
+    /// Precise orbits and clocks, SP3 (.gz too), for the masks that need orbits; may be repeated
+    #[arg(long, value_name = "ORBITS")]
+    sp3: Vec<PathBuf>,
+    /// RINEX navigation file (.gz too), likewise; may be repeated
+    #[arg(long, value_name = "NAVIGATION")]
+    navigation: Vec<PathBuf>,
     /// JSON instead of a table: a list with one object per file
     #[arg(long)]
     json: bool,
@@ -128,10 +134,12 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
 
 /// A file that cannot be used does not keep the others from being shown; the exit code tells.
 fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
+    let products =
+        ProductSource::Files { sp3: arguments.sp3.clone(), navigation: arguments.navigation.clone() };
     let mut inspections = Vec::new();
     let mut failed = 0;
     for path in &arguments.files {
-        match cofix_agent::inspect::inspect(path, arguments.date, &Stop::default()) {
+        match cofix_agent::inspect::inspect(path, arguments.date, &products, &Stop::default()) {
             Ok(inspection) => inspections.push(inspection),
             Err(error) => {
                 failed += 1;

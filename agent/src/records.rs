@@ -5,6 +5,7 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
 use crate::Stop;
+use crate::format::Format;
 use crate::input::{Bytes, Portion};
 use crate::stream::StreamDecoder;
 
@@ -26,6 +27,8 @@ pub struct Records {
     buffer: Vec<u8>,
     ended: bool,
     last: Option<GpsTime>,
+    /// Whether nobody said when the stream was recorded.
+    date_is_guessed: bool,
     /// What was skipped here; the decoder counts for itself.
     skips: Skips,
 }
@@ -39,8 +42,14 @@ impl Records {
             buffer: Vec::new(),
             ended: false,
             last: None,
+            date_is_guessed: false,
             skips: Skips::default(),
         }
+    }
+
+    /// Records whose `near` is a guess; where the format lacks the week, the skips say so.
+    pub fn with_guessed_date(bytes: Box<dyn Bytes>, near: GpsTime) -> Self {
+        Self { date_is_guessed: true, ..Self::new(bytes, near) }
     }
 
     /// The next record; blocks until there is one. `None` at the end, and soon after a request to stop. Epochs come in
@@ -117,6 +126,11 @@ impl Records {
     pub fn skips(&self) -> Skips {
         let mut all = self.decoder.skips().clone();
         all.merge(&self.skips);
+        if self.date_is_guessed && self.decoder.format() == Some(Format::Rtcm3) {
+            all.add("no date was given: the week is that of the file's last change", || {
+                self.last.map_or("no epoch".to_owned(), |last| format!("last epoch {last}; give --date"))
+            });
+        }
         all
     }
 }

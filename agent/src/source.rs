@@ -140,11 +140,12 @@ fn source_error(name: &str, path: Option<&Path>, error: RecordsError) -> SourceE
 pub fn open_file(path: &Path, near: Option<GpsTime>) -> Result<Records, SourceError> {
     let cause = |cause| SourceError::Read { path: path.to_owned(), kind: KIND, cause };
     let bytes = Recorded::open(path).map_err(cause)?;
-    let near = near.unwrap_or_else(|| {
-        let changed = std::fs::metadata(path).and_then(|metadata| metadata.modified());
-        gps_time_of(changed.unwrap_or_else(|_| SystemTime::now()))
-    });
-    Ok(Records::new(Box::new(bytes), near))
+    if let Some(near) = near {
+        return Ok(Records::new(Box::new(bytes), near));
+    }
+    let changed = std::fs::metadata(path).and_then(|metadata| metadata.modified());
+    let near = gps_time_of(changed.unwrap_or_else(|_| SystemTime::now()));
+    Ok(Records::with_guessed_date(Box::new(bytes), near))
 }
 
 fn open_live(live: &LiveSource, near: Option<GpsTime>) -> Result<Records, SourceError> {

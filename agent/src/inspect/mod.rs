@@ -4,11 +4,15 @@ mod clock;
 mod signals;
 mod steps;
 mod table;
+mod trial;
 
 use std::path::Path;
+use std::sync::Arc;
 
+use cofix_common::decode::Record;
 use cofix_common::gnss::{EpochFlag, ObservationEpoch};
 use cofix_common::measurement::CorrectionOptions;
+use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use serde::Serialize;
@@ -16,11 +20,12 @@ use serde::Serialize;
 pub use clock::{ClockJump, ClockJumps};
 pub use signals::{ConstellationReport, SignalReport, Spread};
 pub use steps::{Gap, Gaps};
+pub use trial::Trial;
 
-use crate::Stop;
 use crate::format::Format;
-use crate::products::OwnNavigation;
+use crate::products::{Loaded, OwnNavigation};
 use crate::source::{self, SourceError};
+use crate::{ProductSource, Stop};
 
 /// Gaps and jumps listed one by one; the rest is counted.
 const LISTED: usize = 20;
@@ -54,7 +59,7 @@ pub struct Inspection {
     pub clock_jumps: ClockJumps,
     /// Signals most of whose phases begin anew at each epoch: the receiver switches itself off in between.
     pub duty_cycled: Vec<String>,
-    /// What the agent's masks would leave out, beside what is in `skips`. Elevations need orbits, and are not here.
+    /// What the agent's masks would leave out, beside what is in `skips`. Elevations need orbits: see `trial`.
     pub masks: Vec<Mask>,
     /// Navigation messages in the recording itself.
     pub ephemerides: u64,
@@ -62,6 +67,8 @@ pub struct Inspection {
     pub ionosphere: bool,
     /// What was skipped in reading, by reason.
     pub skips: Skips,
+    /// What comes of the recording with the orbits at hand, when there are any.
+    pub trial: Option<Trial>,
 }
 
 /// A mask and what it would leave out.
@@ -73,11 +80,19 @@ pub struct Mask {
     pub count: u64,
 }
 
-/// Inspects a recording, in bounded memory. `near` as in [`source::open_file`].
+/// Inspects a recording, in bounded memory. `near` as in [`source::open_file`]. With orbits, from `products` or of its own, it is
+/// read a second time and processed.
 ///
 /// # Errors
-/// When the file cannot be read or is of no format that is read.
-pub fn inspect(path: &Path, near: Option<GpsTime>, stop: &Stop) -> Result<Inspection, SourceError> {
+/// When a file cannot be read or is of no format that is read.
+pub fn inspect(
+    path: &Path,
+    near: Option<GpsTime>,
+    products: &ProductSource,
+    stop: &Stop,
+) -> Result<Inspection, SourceError> {
+    let loaded = Loaded::read(products)?;
+    let near = near.or(loaded.near);
     let mut records = source::open_file(path, near)?;
     let mut tally = Tally::default();
     let mut navigation = OwnNavigation::default();
@@ -88,14 +103,41 @@ pub fn inspect(path: &Path, near: Option<GpsTime>, stop: &Stop) -> Result<Inspec
     }
     navigation.take_terms(records.decoder());
     let channels = records.decoder().glonass_channels();
-    Ok(Inspection {
+    let has_orbits = !(loaded.is_none() && navigation.is_empty());
+    let Loaded { mut products, mut skips, .. } = loaded;
+    skips.merge(&records.skips());
+    let inspection = Inspection {
         file: path.display().to_string(),
         format: records.decoder().format(),
         ephemerides: (navigation.file.ephemerides.len() + navigation.file.glonass.len()) as u64,
         ionosphere: navigation.file.ionosphere.gps.is_some(),
-        skips: records.skips(),
+        skips,
         ..tally.report(&channels)
-    })
+    };
+    if !has_orbits {
+        return Ok(inspection);
+    }
+    if !navigation.is_empty() {
+        Arc::make_mut(&mut products).add_navigation(navigation.file);
+    }
+    Ok(Inspection { trial: Some(trial(path, near, products, stop)?), ..inspection })
+}
+
+/// Runs the pipeline over a recording.
+fn trial(
+    path: &Path,
+    near: Option<GpsTime>,
+    products: Arc<Products>,
+    stop: &Stop,
+) -> Result<Trial, SourceError> {
+    let mut records = source::open_file(path, near)?;
+    let mut running = trial::Running::new(products);
+    while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
+        if let Record::Epoch(epoch) = record {
+            running.epoch(&epoch);
+        }
+    }
+    Ok(running.end())
 }
 
 /// Everything that is counted.
@@ -155,6 +197,7 @@ impl Tally {
             ephemerides: 0,
             ionosphere: false,
             skips: Skips::default(),
+            trial: None,
         }
     }
 }

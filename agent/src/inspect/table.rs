@@ -39,7 +39,7 @@ impl fmt::Display for Inspection {
         for (reason, skip) in self.skips.iter() {
             writeln!(f, "  skipped     {} × {reason}, first: {}", skip.count, skip.first)?;
         }
-        Ok(())
+        self.trial.iter().try_for_each(|trial| write!(f, "{trial}"))
     }
 }
 
@@ -59,7 +59,7 @@ impl Inspection {
     fn signals(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "  signal    sats observations  no code no phase no Doppl no C/N0   C/N0 min mean  max  slips half"
+            "  signal    sats observations  no code no phase  no rate no C/N0   C/N0 min mean  max  slips half"
         )?;
         for constellation in &self.constellations {
             for signal in &constellation.signals {

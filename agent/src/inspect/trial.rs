@@ -1,0 +1,69 @@
+//! What the pipeline would make of a recording: masks that need orbits, and RAIM.
+
+use std::fmt;
+use std::sync::Arc;
+
+use cofix_common::gnss::ObservationEpoch;
+use cofix_common::integrity::Verdict;
+use cofix_common::measurement::Usage;
+use cofix_common::orbit::Products;
+use cofix_common::skips::Skips;
+use serde::Serialize;
+
+use crate::pipeline::{PhonePipeline, PipelineOptions};
+
+/// Counts of a run of the pipeline over all epochs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Trial {
+    /// Epochs with a position of their own.
+    pub solved: u64,
+    /// Epochs that RAIM calls reliable.
+    pub reliable: u64,
+    /// Observations that those positions rest on.
+    pub used: u64,
+    /// Observations that RAIM excluded.
+    pub excluded: u64,
+    /// Masks and whatever else kept observations out, by reason.
+    pub skips: Skips,
+}
+
+/// A trial under way.
+pub(super) struct Running {
+    pipeline: PhonePipeline,
+    counts: Trial,
+}
+
+impl Running {
+    pub(super) fn new(products: Arc<Products>) -> Self {
+        let pipeline = PhonePipeline::new("trial", products, PipelineOptions::default());
+        Self { pipeline, counts: Trial::default() }
+    }
+
+    pub(super) fn epoch(&mut self, epoch: &ObservationEpoch) {
+        let message = self.pipeline.process(epoch);
+        let counts = &mut self.counts;
+        counts.solved += u64::from(message.wls.is_some());
+        counts.reliable += u64::from(message.raim.verdict == Verdict::Reliable);
+        counts.used += message.wls.map_or(0, |solution| u64::from(solution.used));
+        counts.excluded +=
+            message.observations.iter().filter(|observation| observation.usage != Usage::Used).count() as u64;
+    }
+
+    pub(super) fn end(self) -> Trial {
+        Trial { skips: self.pipeline.skips(), ..self.counts }
+    }
+}
+
+impl fmt::Display for Trial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { solved, reliable, used, excluded, .. } = self;
+        writeln!(
+            f,
+            "  positions   {solved} epochs of {used} observations; RAIM: {reliable} reliable, {excluded} observations excluded"
+        )?;
+        for (reason, skip) in self.skips.iter() {
+            writeln!(f, "  of which    {} × {reason}, first: {}", skip.count, skip.first)?;
+        }
+        Ok(())
+    }
+}
