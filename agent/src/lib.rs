@@ -16,6 +16,7 @@ pub mod format;
 pub mod input;
 pub mod inspect;
 pub mod link;
+pub mod masks;
 mod pace;
 pub mod pipeline;
 pub mod products;

@@ -131,6 +131,30 @@ pub struct StateRules {
     pub sbas: StateRule,
 }
 
+impl StateRule {
+    /// The code alone suffices: the time of transmission is believed without the bits that vouch for it.
+    const fn untimed(self) -> Self {
+        Self { timed: self.timed | self.tracked, ..self }
+    }
+}
+
+impl StateRules {
+    /// The same rules with times of transmission believed that no bit vouches for. A wrong one gives an implausible
+    /// pseudorange, which its own mask takes, or RAIM.
+    #[must_use]
+    pub const fn untimed(self) -> Self {
+        Self {
+            gps: self.gps.untimed(),
+            glonass: self.glonass.untimed(),
+            galileo: self.galileo.untimed(),
+            beidou: self.beidou.untimed(),
+            qzss: self.qzss.untimed(),
+            navic: self.navic.untimed(),
+            sbas: self.sbas.untimed(),
+        }
+    }
+}
+
 impl Default for StateRules {
     fn default() -> Self {
         let week = StateRule {
