@@ -124,6 +124,11 @@ impl Products {
         }
     }
 
+    /// Whether there is an orbit of any satellite at any time.
+    pub fn has_orbits(&self) -> bool {
+        self.precise_span.is_some() || self.satellites.iter().any(Satellite::has_broadcast)
+    }
+
     /// Satellite position, velocity and clock at an instant (of transmission, for a user), in the Earth-fixed
     /// frame of that instant: from SP3 where it covers, with the clock of a clock file where one covers, else the SP3's own;
     /// else by the broadcast ephemeris in force.
@@ -166,7 +171,7 @@ impl Products {
         time: GpsTime,
     ) -> Option<f64> {
         let biases = self.biases.as_ref();
-        if !biases.cover(satellite.constellation, signal, time) {
+        if self.precise_span.is_none() || !biases.cover(satellite.constellation, signal, time) {
             return self.message_correction_m(satellite, signal, reference, time);
         }
         if reference == ClockReference::IonosphereFree
