@@ -69,15 +69,32 @@ pub enum Source {
 /// Where orbits and the rest come from.
 #[derive(Clone, Debug)]
 pub enum ProductSource {
-    /// SP3 and RINEX navigation files, plain or gzip-compressed.
-    Files {
-        /// Precise orbits and clocks.
-        sp3: Vec<PathBuf>,
-        /// Broadcast navigation.
-        navigation: Vec<PathBuf>,
-    },
+    /// Files.
+    Files(ProductFiles),
     /// Read already, and shared.
     Loaded(Arc<Products>),
+}
+
+/// Product files, any number of each kind, plain or gzip-compressed. Without any, the observations' own navigation messages serve.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ProductFiles {
+    /// Precise orbits and clocks, SP3.
+    pub sp3: Vec<PathBuf>,
+    /// Satellite clocks to go with them, RINEX clock files.
+    pub clock: Vec<PathBuf>,
+    /// Code biases to go with them, Bias-SINEX.
+    pub bias: Vec<PathBuf>,
+    /// Ionosphere maps, IONEX.
+    pub ionex: Vec<PathBuf>,
+    /// Broadcast navigation, RINEX.
+    pub navigation: Vec<PathBuf>,
+}
+
+impl ProductFiles {
+    /// All files.
+    pub fn iter(&self) -> impl Iterator<Item = &PathBuf> {
+        [&self.sp3, &self.clock, &self.bias, &self.ionex, &self.navigation].into_iter().flatten()
+    }
 }
 
 /// How fast recorded epochs are published.

@@ -28,6 +28,6 @@ pub mod source;
 mod stop;
 pub mod stream;
 
-pub use config::{AgentConfig, ProductSource, Source, Speed, SpeedError};
+pub use config::{AgentConfig, ProductFiles, ProductSource, Source, Speed, SpeedError};
 pub use run::{AgentError, AgentReport, run};
 pub use stop::Stop;

@@ -10,7 +10,7 @@ use cofix_agent::convert::Outputs;
 use cofix_agent::input::LiveSource;
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::signals::run_until_asked_to_end;
-use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
+use cofix_agent::{AgentConfig, ProductFiles, ProductSource, Source, Speed, Stop};
 use cofix_common::time::GpsTime;
 
 /// Runs beside one phone: reads its observations and publishes corrected measurements, local state and integrity verdict
@@ -91,6 +91,15 @@ struct Publish {
     /// Precise orbits and clocks, SP3 (.gz too); may be repeated
     #[arg(long, value_name = "FILE")]
     sp3: Vec<PathBuf>,
+    /// Satellite clocks to go with SP3 orbits, RINEX clock file (.gz too); may be repeated
+    #[arg(long, value_name = "FILE")]
+    clock: Vec<PathBuf>,
+    /// Code biases to go with SP3 orbits, Bias-SINEX (.gz too); may be repeated
+    #[arg(long, value_name = "FILE")]
+    bias: Vec<PathBuf>,
+    /// Ionosphere maps in place of Klobuchar, IONEX (.gz too); may be repeated
+    #[arg(long, value_name = "FILE")]
+    ionex: Vec<PathBuf>,
     /// RINEX navigation file (.gz too): orbits, group delays, Klobuchar; may be repeated
     #[arg(long, value_name = "FILE")]
     navigation: Vec<PathBuf>,
@@ -178,7 +187,13 @@ impl Publish {
             source: self.source()?,
             group: self.group,
             phone: self.phone,
-            products: ProductSource::Files { sp3: self.sp3, navigation: self.navigation },
+            products: ProductSource::Files(ProductFiles {
+                sp3: self.sp3,
+                clock: self.clock,
+                bias: self.bias,
+                ionex: self.ionex,
+                navigation: self.navigation,
+            }),
             connect: self.connect,
             speed: self.speed,
             pipeline: PipelineOptions::default(),

@@ -1,29 +1,32 @@
 //! Orbits and the rest: from files, and from what a stream of observations carries itself.
 
-use std::path::{Path, PathBuf};
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::path::Path;
 use std::sync::Arc;
 
+use cofix_common::atmosphere::Ionex;
 use cofix_common::decode::Record;
 use cofix_common::gnss::ObservationEpoch;
-use cofix_common::orbit::{Products, Sp3};
+use cofix_common::orbit::{BiasFile, ClockFile, Products, Sp3};
 use cofix_common::rinex::{IonosphereTerms, NavigationFile};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
-use crate::ProductSource;
 use crate::source::SourceError;
 use crate::stream::StreamDecoder;
+use crate::{ProductFiles, ProductSource};
 
 /// Group delays drift by a fraction of a nanosecond a month; older ones serve, but the user should know.
 const STALE_GROUP_DELAYS_S: f64 = 7.0 * 86_400.0;
 
-/// Reads products.
+/// Reads products. They may hold no orbits (see [`Products::has_orbits`]): recordings may carry navigation messages of their own.
 ///
 /// # Errors
-/// When a file cannot be read or is of another kind, or when none is named.
+/// When a file cannot be read or is of another kind.
 pub fn products(source: &ProductSource) -> Result<(Arc<Products>, Skips), SourceError> {
     let loaded = Loaded::read(source)?;
-    if loaded.is_none() { Err(SourceError::NoProducts) } else { Ok((loaded.products, loaded.skips)) }
+    Ok((loaded.products, loaded.skips))
 }
 
 /// Products, and what came with them.
@@ -33,48 +36,58 @@ pub(crate) struct Loaded {
     pub(crate) skips: Skips,
     /// An instant of the session, as far as the products tell.
     pub(crate) near: Option<GpsTime>,
-    files: usize,
 }
 
 impl Loaded {
     /// Reads the files that are named, which may be none: a stream may carry its own ephemerides.
     pub(crate) fn read(source: &ProductSource) -> Result<Self, SourceError> {
-        match source {
-            ProductSource::Loaded(products) => Ok(Self {
-                products: Arc::clone(products),
-                skips: Skips::default(),
-                near: near(products),
-                files: 1,
-            }),
-            ProductSource::Files { sp3, navigation } => load(sp3, navigation),
-        }
-    }
-
-    /// Whether no file was named.
-    pub(crate) const fn is_none(&self) -> bool {
-        self.files == 0
+        let (products, skips) = match source {
+            ProductSource::Loaded(products) => (Arc::clone(products), Skips::default()),
+            ProductSource::Files(files) => {
+                let (products, skips) = load(files)?;
+                (Arc::new(products), skips)
+            }
+        };
+        Ok(Self { near: near(&products), products, skips })
     }
 }
 
-fn load(sp3: &[PathBuf], navigation: &[PathBuf]) -> Result<Loaded, SourceError> {
+fn load(files: &ProductFiles) -> Result<(Products, Skips), SourceError> {
     let mut skips = Skips::default();
-    let mut precise = Vec::with_capacity(sp3.len());
-    for path in sp3 {
-        let file = Sp3::parse(&read(path, "SP3")?).map_err(|e| unusable(path, "SP3", e.to_string()))?;
-        skips.merge(&file.skips);
-        precise.push(file);
+    let precise = parse_all(&files.sp3, "SP3", Sp3::parse)?;
+    let broadcast = parse_all(&files.navigation, "RINEX navigation", NavigationFile::parse)?;
+    let clocks = parse_all(&files.clock, "RINEX clock", ClockFile::parse)?;
+    let biases = parse_all(&files.bias, "Bias-SINEX", BiasFile::parse)?;
+    let maps = parse_all(&files.ionex, "IONEX", Ionex::parse)?;
+    let counted = precise.iter().map(|file| &file.skips).chain(broadcast.iter().map(|file| &file.skips));
+    let counted = counted.chain(clocks.iter().map(|file| &file.skips));
+    let counted = counted.chain(biases.iter().map(|file| &file.skips));
+    for counted in counted.chain(maps.iter().map(|file| &file.skips)) {
+        skips.merge(counted);
     }
-    let mut broadcast = Vec::with_capacity(navigation.len());
-    for path in navigation {
-        let kind = "RINEX navigation";
-        let file =
-            NavigationFile::parse(&read(path, kind)?).map_err(|e| unusable(path, kind, e.to_string()))?;
-        skips.merge(&file.skips);
-        broadcast.push(file);
+    if let (true, Some(path)) = (precise.is_empty(), files.clock.first().or_else(|| files.bias.first())) {
+        skips.add("clock or bias file without SP3 orbits, not used", || path.display().to_string());
     }
-    let products = Products::new(precise, broadcast);
-    let near = near(&products);
-    Ok(Loaded { products: Arc::new(products), skips, near, files: sp3.len() + navigation.len() })
+    let mut products = Products::new(precise, broadcast);
+    products.add_clocks(clocks);
+    for file in biases {
+        products.add_biases(file);
+    }
+    for file in maps {
+        products.add_ionosphere_maps(file);
+    }
+    Ok((products, skips))
+}
+
+/// Reads files of one kind.
+fn parse_all<T, E: Display>(
+    paths: &[impl AsRef<Path>],
+    kind: &'static str,
+    parse: impl Fn(&[u8]) -> Result<T, E>,
+) -> Result<Vec<T>, SourceError> {
+    let one =
+        |path: &Path| parse(&read(path, kind)?).map_err(|error| unusable(path, kind, error.to_string()));
+    paths.iter().map(|path| one(path.as_ref())).collect()
 }
 
 /// The beginning of the precise orbits, else the earliest broadcast message.
@@ -97,6 +110,8 @@ fn unusable(path: &Path, kind: &'static str, reason: String) -> SourceError {
 pub struct OwnNavigation {
     /// The messages, as a navigation file would hold them.
     pub file: NavigationFile,
+    /// GLONASS frequency channels by slot, as headers and observations tell them.
+    pub glonass_channels: BTreeMap<u8, i8>,
 }
 
 impl OwnNavigation {
@@ -114,10 +129,12 @@ impl OwnNavigation {
     pub fn take_terms(&mut self, decoder: &StreamDecoder) {
         self.file.ionosphere = IonosphereTerms { gps: decoder.ionosphere(), ..IonosphereTerms::default() };
         self.file.leap_seconds = decoder.leap_seconds();
+        self.glonass_channels = decoder.glonass_channels();
     }
 
     /// Adds what another recording carried.
     pub fn extend(&mut self, other: Self) {
+        self.glonass_channels.extend(other.glonass_channels);
         self.file.ephemerides.extend(other.file.ephemerides);
         self.file.glonass.extend(other.file.glonass);
         self.file.ionosphere.gps = self.file.ionosphere.gps.or(other.file.ionosphere.gps);
@@ -130,12 +147,19 @@ impl OwnNavigation {
     }
 }
 
-/// Notes for what an epoch the products lack: precise orbits beyond their ends, recent group delays (at the first epoch).
+/// Notes for what an epoch the products lack: precise orbits, clocks and biases beyond their ends, recent group delays (at the
+/// first epoch).
 pub(crate) fn note_shortcomings(time_gps: GpsTime, is_first: bool, products: &Products, skips: &mut Skips) {
-    if let Some((first, last)) = products.coverage()
-        && (time_gps < first || time_gps > last)
-    {
-        skips.add("epoch outside the SP3 orbits", || format!("{time_gps}; they cover {first} to {last}"));
+    for (reason, coverage) in [
+        ("epoch outside the SP3 orbits", products.coverage()),
+        ("epoch outside the clock files, the clocks of the orbits used", products.clock_coverage()),
+        ("epoch outside the biases, group delays of navigation messages used", products.bias_coverage()),
+    ] {
+        if let Some((first, last)) = coverage
+            && (time_gps < first || time_gps > last)
+        {
+            skips.add(reason, || format!("{time_gps}; they cover {first} to {last}"));
+        }
     }
     if is_first
         && let Some(age_s) = products.group_delay_age_s(time_gps)

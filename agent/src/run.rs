@@ -71,6 +71,7 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
         pipeline,
         publication,
         terms_known: false,
+        channels_known: 0,
         shortcomings: Skips::default(),
     };
     let outcome = work.publish(&mut opened, expected);
@@ -102,20 +103,24 @@ struct Prepared<'a> {
 impl<'a> Prepared<'a> {
     fn new(config: &'a AgentConfig, stop: &Stop) -> Result<Self, AgentError> {
         let loaded = Loaded::read(&config.products)?;
-        let nothing_named = loaded.is_none();
-        let Loaded { mut products, mut skips, near, .. } = loaded;
+        let Loaded { mut products, mut skips, near } = loaded;
+        let has_orbits = products.has_orbits();
         let mut expected = None;
         if matches!(config.source, Source::Live { .. }) {
-            if nothing_named {
+            if !has_orbits {
                 tracing::info!("no orbits are named: positions begin when the source has sent its own");
             }
         } else {
             let survey = source::survey(&config.source, near, stop)?;
-            if nothing_named && survey.navigation.is_empty() && !stop.is_requested() {
+            if !has_orbits && survey.navigation.is_empty() && !stop.is_requested() {
                 return Err(SourceError::NoProducts.into());
             }
-            if !survey.navigation.is_empty() {
-                Arc::make_mut(&mut products).add_navigation(survey.navigation.file);
+            let own = survey.navigation;
+            if !own.glonass_channels.is_empty() {
+                Arc::make_mut(&mut products).set_glonass_channels(&own.glonass_channels);
+            }
+            if !own.is_empty() {
+                Arc::make_mut(&mut products).add_navigation(own.file);
             }
             skips.merge(&survey.skips);
             expected = Some(survey.epochs);
@@ -133,6 +138,8 @@ struct Work<'a> {
     publication: Publication,
     /// Whether the ionosphere terms of a live source went into the products.
     terms_known: bool,
+    /// GLONASS channels of a live source that went into the products.
+    channels_known: usize,
     shortcomings: Skips,
 }
 
@@ -172,10 +179,16 @@ impl Work<'_> {
             own.take_terms(records.decoder());
             self.terms_known = own.file.ionosphere.gps.is_some();
         }
-        if own.is_empty() && own.file.ionosphere.gps.is_none() {
+        let channels =
+            opened.records().map(|records| records.decoder().glonass_channels()).unwrap_or_default();
+        let has_channels = channels.len() > self.channels_known;
+        if own.is_empty() && own.file.ionosphere.gps.is_none() && !has_channels {
             return;
         }
-        Arc::make_mut(&mut self.products).add_navigation(own.file);
+        self.channels_known = channels.len();
+        let products = Arc::make_mut(&mut self.products);
+        products.set_glonass_channels(&channels);
+        products.add_navigation(own.file);
         self.pipeline.set_products(Arc::clone(&self.products));
     }
 }

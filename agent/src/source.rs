@@ -56,7 +56,7 @@ pub enum SourceError {
     },
     /// There is no product at all.
     #[error(
-        "no orbits: name at least one SP3 or RINEX navigation file (the observations carry no navigation messages either)"
+        "no orbits: name at least one SP3 or RINEX navigation file that has some (the observations carry no navigation messages either)"
     )]
     NoProducts,
 }

@@ -14,6 +14,10 @@ G07  22100000.000 8 116000000.000 8     -1200.000 8        45.000 8
 ";
 const NAVIGATION: &str = "     3.04           N: GNSS NAV DATA    M: MIXED            RINEX VERSION / TYPE
                                                             END OF HEADER
+R01 2020 08 13 14 15 00-2.458319067955E-05 0.000000000000E+00 3.960000000000E+05
+     1.422012255859E+04-4.938831329346E-01-9.313225746155E-10 0.000000000000E+00
+    -2.043351660156E+04 5.933942794800E-01 9.313225746155E-10 1.000000000000E+00
+     5.539755371094E+03 3.461606979370E+00 0.000000000000E+00 0.000000000000E+00
 ";
 
 fn agent(folder: &Path, observations: &str, products: &[&str]) -> assert_cmd::assert::Assert {
@@ -49,6 +53,8 @@ fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("good.rnx"), OBSERVATIONS).unwrap();
     std::fs::write(folder.path().join("nav.rnx"), NAVIGATION).unwrap();
+    let header: String = NAVIGATION.split_inclusive('\n').take(2).collect();
+    std::fs::write(folder.path().join("no.nav"), header).unwrap();
     let cut: String = OBSERVATIONS.split_inclusive('\n').take(2).collect();
     std::fs::write(folder.path().join("cut.rnx"), cut).unwrap();
     let header: String = OBSERVATIONS.split_inclusive('\n').take(3).collect();
@@ -80,6 +86,20 @@ fn unusable_products_are_named() {
     for (products, said) in [
         (vec![], "no orbits"),
         (vec!["--sp3", "missing.sp3"], "missing.sp3: cannot read the SP3 file"),
+        (vec!["--navigation", "no.nav"], "no orbits"),
+        (
+            vec!["--navigation", "nav.rnx", "--clock", "missing.clk"],
+            "missing.clk: cannot read the RINEX clock file",
+        ),
+        (
+            vec!["--clock", "good.rnx"],
+            "good.rnx: not usable as RINEX clock file: not a RINEX clock file of version",
+        ),
+        (
+            vec!["--bias", "nav.rnx"],
+            "nav.rnx: not usable as Bias-SINEX file: not a Bias-SINEX file of version",
+        ),
+        (vec!["--ionex", "noise.bin"], "noise.bin: not usable as IONEX file: gzip data is damaged"),
         (vec!["--sp3", "good.rnx"], "good.rnx: not usable as SP3 file"),
         (vec!["--navigation", "good.rnx"], "good.rnx: not usable as RINEX navigation file"),
     ] {

@@ -106,6 +106,7 @@ fn main() -> anyhow::Result<()> {
         let session = Session::read(Path::new(&path))?;
         let plan = Plan::from_session(&session)?;
         let (products, _) = source::products(&plan.products)?;
+        anyhow::ensure!(products.has_orbits(), "{path}: no orbits in its [products]");
         for variant in variants() {
             let methods = run(&session, &plan, &products, &variant)?;
             let cells = [&methods.wls, &methods.local, &methods.joint].map(mean);

@@ -28,7 +28,7 @@ impl Named {
 /// All files that a session reads, with the session file itself.
 pub fn inputs(file: &Path, session: &Session) -> Vec<Named> {
     let mut inputs = vec![Named::new("the session file", file)];
-    for path in session.products.sp3.iter().chain(&session.products.navigation) {
+    for path in session.products.iter() {
         inputs.push(Named::new("a product", path));
     }
     for phone in &session.phones {

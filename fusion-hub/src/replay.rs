@@ -90,10 +90,7 @@ impl Plan {
             session.phones.iter().zip(truths).map(|(phone, (_, truth))| planned(phone, truth)).collect();
         Ok(Self {
             group: session.group.clone(),
-            products: ProductSource::Files {
-                sp3: session.products.sp3.clone(),
-                navigation: session.products.navigation.clone(),
-            },
+            products: ProductSource::Files(session.products.clone()),
             phones: phones?,
             constraints: session.constraints.clone(),
             truth_quality: session.truth_quality.clone(),

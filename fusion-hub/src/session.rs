@@ -2,8 +2,11 @@
 //!
 //! ```toml
 //! group = "wh-3-09"                   # chunk of the key expressions
-//! [products]                          # optional for a live session: the agents have theirs
-//! sp3 = ["orbits.sp3"]                # precise orbits and clocks; .gz too
+//! [products]                          # optional: live, agents have theirs; recordings may carry navigation messages
+//! sp3 = ["orbits.sp3"]                # precise orbits and clocks; .gz too, as all of these
+//! clock = ["clocks.clk"]              # RINEX clocks to go with them
+//! bias = ["biases.bia"]               # Bias-SINEX code biases to go with them
+//! ionex = ["map.20i"]                 # ionosphere maps in place of Klobuchar
 //! navigation = ["brdc.rnx.gz"]        # group delays and Klobuchar; orbits too where valid
 //! [[phone]]
 //! name = "HP30"                       # unique within the group
@@ -37,6 +40,7 @@ mod text;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+pub use cofix_agent::ProductFiles;
 use cofix_common::wire::check_name;
 
 use crate::engine::ScheduledConstraint;
@@ -47,7 +51,7 @@ pub use text::Preset;
 pub struct Session {
     /// The group's name.
     pub group: String,
-    /// Orbits and the rest.
+    /// Orbits and the rest; paths are absolute or relative to the working directory.
     pub products: ProductFiles,
     /// The phones, in the order of the file; constraints refer to them by index.
     pub phones: Vec<SessionPhone>,
@@ -57,15 +61,6 @@ pub struct Session {
     pub truth_quality: Vec<u8>,
     /// The estimator's settings.
     pub preset: Preset,
-}
-
-/// Product files of a session, absolute or relative to the working directory.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ProductFiles {
-    /// Precise orbits and clocks.
-    pub sp3: Vec<PathBuf>,
-    /// Broadcast navigation.
-    pub navigation: Vec<PathBuf>,
 }
 
 /// One phone of a session.
@@ -152,6 +147,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
         return Err("[evaluation] truth_quality is empty: no row of a truth would count".to_owned());
     }
     let at = |path: PathBuf| folder.join(path);
+    let all = |paths: Vec<PathBuf>| paths.into_iter().map(at).collect();
     let phone = |phone: text::PhoneEntry| SessionPhone {
         name: phone.name,
         observations: phone.observations.map(at),
@@ -160,8 +156,11 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
     Ok(Session {
         group: file.group,
         products: ProductFiles {
-            sp3: file.products.sp3.into_iter().map(at).collect(),
-            navigation: file.products.navigation.into_iter().map(at).collect(),
+            sp3: all(file.products.sp3),
+            clock: all(file.products.clock),
+            bias: all(file.products.bias),
+            ionex: all(file.products.ionex),
+            navigation: all(file.products.navigation),
         },
         phones: file.phone.into_iter().map(phone).collect(),
         constraints,

@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use cofix_agent::{ProductSource, Source, Speed, Stop};
+use cofix_agent::{ProductFiles, ProductSource, Source, Speed, Stop};
 use cofix_common::orbit::Products;
+use cofix_common::rinex::NavigationFile;
 use cofix_common::simulation::PhoneOptions;
 use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
 use cofix_tests::{plan_of, small_plan};
@@ -90,7 +91,16 @@ fn no_common_time_is_an_error_with_both_spans() {
 #[test]
 fn products_that_know_no_satellite_are_an_error_that_says_why() {
     let mut plan = small_plan(2, 20.0).unwrap();
-    plan.products = ProductSource::Loaded(Arc::new(Products::default()));
+    // One message, of a satellite that no phone sees.
+    let text = "     3.04           N: GNSS NAV DATA    M: MIXED            RINEX VERSION / TYPE
+                                                            END OF HEADER
+R01 2020 08 13 14 15 00-2.458319067955E-05 0.000000000000E+00 3.960000000000E+05
+     1.422012255859E+04-4.938831329346E-01-9.313225746155E-10 0.000000000000E+00
+    -2.043351660156E+04 5.933942794800E-01 9.313225746155E-10 1.000000000000E+00
+     5.539755371094E+03 3.461606979370E+00 0.000000000000E+00 0.000000000000E+00
+";
+    let navigation = NavigationFile::parse(text.as_bytes()).unwrap();
+    plan.products = ProductSource::Loaded(Arc::new(Products::new(vec![], vec![navigation])));
     let message = failure(&plan);
     assert!(message.contains("SIM1: no epoch with a usable observation"), "{message}");
     assert!(message.contains("no orbit in any product"), "{message}");
@@ -107,10 +117,13 @@ fn a_missing_file_is_an_error_that_names_phone_and_file() {
 #[test]
 fn missing_products_are_an_error() {
     let mut plan = small_plan(1, 20.0).unwrap();
-    plan.products = ProductSource::Files { sp3: vec![PathBuf::from("no/orbits.sp3")], navigation: vec![] };
+    let sp3 = vec![PathBuf::from("no/orbits.sp3")];
+    plan.products = ProductSource::Files(ProductFiles { sp3, ..ProductFiles::default() });
     assert!(failure(&plan).contains("no/orbits.sp3"));
-    plan.products = ProductSource::Files { sp3: vec![], navigation: vec![] };
-    assert!(failure(&plan).contains("no orbits"));
+    for none in [ProductSource::Files(ProductFiles::default()), ProductSource::Loaded(Arc::default())] {
+        plan.products = none;
+        assert!(failure(&plan).contains("SIM1: no orbits"));
+    }
 }
 
 #[test]

@@ -1,11 +1,16 @@
 //! Signal delays in ionosphere and troposphere.
 //!
-//! Both models are closed formulas, cheap enough to be evaluated for every signal of every epoch. Neither
-//! knows the weather of the day: expect half of the ionosphere (IS-GPS-200 says 50 % rms) and a few
-//! centimetres of zenith troposphere to remain.
+//! The models of Klobuchar and Saastamoinen are closed formulas, cheap enough to be evaluated for every signal of every epoch.
+//! Neither knows the weather of the day: expect half of the ionosphere (IS-GPS-200 says 50 % rms) and a few
+//! centimetres of zenith troposphere to remain. Maps (IONEX) know the ionosphere of the day to a few TEC units.
 
+mod ionex;
+mod ionosphere_map;
 mod klobuchar;
+mod map_axis;
 mod saastamoinen;
 
+pub use ionex::{Ionex, IonexError};
+pub use ionosphere_map::{IonosphereMap, IonosphereMaps, NoTec};
 pub use klobuchar::{KlobucharCoefficients, klobuchar_delay_l1_m, scale_from_l1};
 pub use saastamoinen::{STANDARD_RELATIVE_HUMIDITY, saastamoinen_delay_m};

@@ -5,13 +5,11 @@ use std::sync::Arc;
 
 use super::given::Stated;
 use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
-use crate::atmosphere::{
-    STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
-};
+use crate::atmosphere::{STANDARD_RELATIVE_HUMIDITY, saastamoinen_delay_m};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
 use crate::gnss::{Constellation, Observation, ObservationEpoch};
-use crate::orbit::{Products, SatelliteState};
+use crate::orbit::{LineOfSight, Products, SatelliteState};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
@@ -210,7 +208,7 @@ impl Corrector {
     }
 
     /// Corrected observations as seen from `position`: Sagnac rotation, direction, masks, atmosphere, sigmas; and what the
-    /// masks took, which counts only if this position stands.
+    /// masks took and models did not cover, which counts only if this position stands.
     pub fn finish(
         &self,
         prepared: &[PreparedObservation],
@@ -228,7 +226,7 @@ impl Corrector {
                 });
                 continue;
             }
-            corrected.push(view.correct(observation, &seen, &self.products));
+            corrected.push(view.correct(observation, &seen, &self.products, &mut masked));
         }
         (corrected, masked)
     }
@@ -330,10 +328,11 @@ impl View {
         prepared: &PreparedObservation,
         seen: &Seen,
         products: &Products,
+        skips: &mut Skips,
     ) -> CorrectedObservation {
         let (ionosphere_m, troposphere_m) = match prepared.stated {
             Some(stated) => (stated.atmosphere_m, 0.0),
-            None => self.atmosphere_m(prepared, seen.direction, products),
+            None => self.atmosphere_m(prepared, seen.direction, products, skips),
         };
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
@@ -357,12 +356,12 @@ impl View {
         prepared: &PreparedObservation,
         direction: Direction,
         products: &Products,
+        skips: &mut Skips,
     ) -> (f64, f64) {
         let geodetic = self.frame.geodetic();
-        let ionosphere_m = products.ionosphere().map_or(0.0, |coefficients| {
-            let l1_m = klobuchar_delay_l1_m(&coefficients, geodetic, direction, self.time_gps);
-            scale_from_l1(l1_m, prepared.frequency_hz)
-        });
+        let (time, frequency_hz) = (self.time_gps, prepared.frequency_hz);
+        let sight = LineOfSight { receiver: geodetic, direction, time, frequency_hz };
+        let ionosphere_m = products.ionosphere_delay_m(&sight, skips);
         (ionosphere_m, saastamoinen_delay_m(geodetic, direction, self.options.relative_humidity))
     }
 }

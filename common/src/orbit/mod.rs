@@ -1,17 +1,26 @@
-//! Satellite position, velocity and clock, from precise (SP3) or broadcast (Kepler, GLONASS) orbits.
+//! Satellite position, velocity and clock, from precise (SP3, RINEX clocks) or broadcast (Kepler, GLONASS) orbits, and group
+//! delays from biases (Bias-SINEX) or navigation messages.
 
 mod accuracy_index;
+mod bias_file;
+mod biases;
 mod broadcast;
+mod clock_file;
+mod clocks;
 mod glonass;
 mod group_delay;
+mod ionosphere;
 mod kepler;
 mod precise;
 mod products;
 mod sp3;
 
 pub use accuracy_index::{UNKNOWN_ACCURACY_M, sisa_m, ura_m};
+pub use bias_file::{BiasFile, BiasFileError, CodeBias};
 pub use broadcast::is_healthy;
+pub use clock_file::{ClockFile, ClockFileError, ClockRecord};
 pub use glonass::GlonassEphemeris;
+pub use ionosphere::LineOfSight;
 pub use kepler::{KeplerEphemeris, NavigationMessage};
 pub use precise::{MAX_NODES, MIN_NODES};
 pub use products::Products;
@@ -44,7 +53,7 @@ pub enum ClockReference {
     /// The broadcast message: L1/L2 P(Y) (GPS, QZSS), E1/E5b (Galileo I/NAV), E1/E5a (F/NAV), B3I (BeiDou),
     /// L1 (GLONASS).
     Broadcast,
-    /// The ionosphere-free pair of the product: C1W/C2W (GPS), C1X/C5X (Galileo), C2I/C6I (BeiDou).
+    /// The ionosphere-free pair of an SP3 or clock file: C1W/C2W (GPS), C1X/C5X (Galileo), C2I/C6I (BeiDou).
     IonosphereFree,
 }
 

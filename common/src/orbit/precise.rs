@@ -6,6 +6,7 @@
 
 use nalgebra::Vector3;
 
+use super::clocks::ClockState;
 use super::sp3::Sp3Position;
 use super::{ClockReference, OrbitError, SatelliteState};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
@@ -90,10 +91,15 @@ impl PreciseOrbit {
         }
     }
 
-    /// The state at an instant.
-    pub(super) fn state(&self, satellite: SatelliteId, time: GpsTime) -> Result<SatelliteState, OrbitError> {
+    /// The state at an instant, with a clock from elsewhere or, without one, its own.
+    pub(super) fn state(
+        &self,
+        satellite: SatelliteId,
+        time: GpsTime,
+        clock: Option<ClockState>,
+    ) -> Result<SatelliteState, OrbitError> {
         let (first, last) = self.span.ok_or(OrbitError::Unknown { satellite })?;
-        self.runs.iter().find_map(|run| run.state(time)).ok_or(OrbitError::NotCovered {
+        self.runs.iter().find_map(|run| run.state(time, clock)).ok_or(OrbitError::NotCovered {
             satellite,
             time,
             first,
@@ -129,13 +135,16 @@ impl Run {
         self.nodes.push(Node { position: turn(&node.position.0, turned), clock_s: node.clock_s });
     }
 
-    fn state(&self, time: GpsTime) -> Option<SatelliteState> {
+    fn state(&self, time: GpsTime, clock: Option<ClockState>) -> Option<SatelliteState> {
         let elapsed_s = time - self.first;
         let steps = elapsed_s / self.interval_s;
         if self.nodes.len() < MIN_NODES || !(0.0..=(self.nodes.len() - 1) as f64).contains(&steps) {
             return None;
         }
-        let (clock_s, drift_sps) = self.clock(steps)?;
+        let clock = match clock {
+            Some(clock) => clock,
+            None => self.clock(steps)?,
+        };
         let inertial = self.interpolate(steps)?;
         let turned = -EARTH_ROTATION_RADPS * elapsed_s;
         let position = turn(&inertial.position, turned);
@@ -145,19 +154,22 @@ impl Run {
         Some(SatelliteState {
             position: Ecef(position),
             velocity: EcefVector(velocity),
-            clock_s: clock_s + relativity.offset_s,
-            clock_drift_sps: drift_sps + relativity.drift_sps,
+            clock_s: clock.offset_s + relativity.offset_s,
+            clock_drift_sps: clock.drift_sps + relativity.drift_sps,
             sigma_m: SIGMA_M,
             clock_reference: ClockReference::IonosphereFree,
         })
     }
 
     /// Clock offset and drift, linear between the two adjacent nodes.
-    fn clock(&self, steps: f64) -> Option<(f64, f64)> {
+    fn clock(&self, steps: f64) -> Option<ClockState> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within the nodes
         let left = (steps as usize).min(self.nodes.len() - 2);
         let (a, b) = (self.nodes.get(left)?.clock_s?, self.nodes.get(left + 1)?.clock_s?);
-        Some((a + (b - a) * (steps - left as f64), (b - a) / self.interval_s))
+        Some(ClockState {
+            offset_s: a + (b - a) * (steps - left as f64),
+            drift_sps: (b - a) / self.interval_s,
+        })
     }
 
     /// Polynomial through the nodes around `steps` (in node distances from the first), with its derivative.

@@ -1,15 +1,19 @@
 //! Orbits, clocks, group delays and ionosphere terms from whatever files there are.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
+use super::biases::Biases;
 use super::broadcast::BroadcastOrbit;
+use super::clocks::Clocks;
 use super::glonass::GlonassOrbit;
 use super::group_delay::{GroupDelays, glonass_correction_m};
 use super::precise::PreciseOrbit;
 use super::{
-    ClockReference, GlonassEphemeris, KeplerEphemeris, OrbitError, SatelliteState, Sp3, Sp3Position,
+    BiasFile, ClockFile, ClockReference, GlonassEphemeris, KeplerEphemeris, OrbitError, SatelliteState, Sp3,
+    Sp3Position,
 };
-use crate::atmosphere::KlobucharCoefficients;
+use crate::atmosphere::{IonosphereMaps, KlobucharCoefficients};
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::rinex::NavigationFile;
 use crate::time::GpsTime;
@@ -23,6 +27,10 @@ const NUMBERS: usize = 100;
 pub struct Products {
     /// By system and number; empty when there are no products at all.
     satellites: Vec<Satellite>,
+    /// Shared, like biases and maps: they are large, and products are copied when messages come.
+    clocks: Arc<Clocks>,
+    biases: Arc<Biases>,
+    pub(super) maps: Arc<IonosphereMaps>,
     ionosphere: Option<KlobucharCoefficients>,
     precise_span: Option<(GpsTime, GpsTime)>,
     leap_seconds: Option<i64>,
@@ -87,6 +95,18 @@ impl Products {
         }
     }
 
+    /// Adds satellite clocks. They go with the positions of SP3 files: where there is no position, they are of no use. Where
+    /// files overlap, the one that begins first holds, and of those the one named first.
+    pub fn add_clocks(&mut self, files: Vec<ClockFile>) {
+        Arc::make_mut(&mut self.clocks).add(files);
+    }
+
+    /// Adds code biases, which go with the clocks of SP3 and clock files. Of biases in force at once the one that began last
+    /// holds, and of those the one added first.
+    pub fn add_biases(&mut self, file: BiasFile) {
+        Arc::make_mut(&mut self.biases).add(file);
+    }
+
     /// Adds a broadcast file, or messages that came otherwise. The terms of the first one that has them stay.
     pub fn add_navigation(&mut self, file: NavigationFile) {
         self.satellites.resize(PLACES, Satellite::default());
@@ -104,8 +124,14 @@ impl Products {
         }
     }
 
+    /// Whether there is an orbit of any satellite at any time.
+    pub fn has_orbits(&self) -> bool {
+        self.precise_span.is_some() || self.satellites.iter().any(Satellite::has_broadcast)
+    }
+
     /// Satellite position, velocity and clock at an instant (of transmission, for a user), in the Earth-fixed
-    /// frame of that instant: from SP3 where it covers, else by the broadcast ephemeris in force.
+    /// frame of that instant: from SP3 where it covers, with the clock of a clock file where one covers, else the SP3's own;
+    /// else by the broadcast ephemeris in force.
     ///
     /// # Errors
     /// When no product knows the satellite at that time, or the broadcast message says that it is unhealthy.
@@ -115,7 +141,7 @@ impl Products {
         time: GpsTime,
     ) -> Result<SatelliteState, OrbitError> {
         let known = self.known(satellite).ok_or(OrbitError::Unknown { satellite })?;
-        match known.precise.state(satellite, time) {
+        match known.precise.state(satellite, time, self.clocks.state(satellite, time)) {
             Ok(state) => Ok(state),
             Err(no_precise) if !known.has_broadcast() => Err(no_precise),
             Err(OrbitError::NotCovered { first, last, .. }) => {
@@ -130,11 +156,38 @@ impl Products {
         }
     }
 
-    /// Metres to add to a pseudorange on `signal` so that it fits a satellite clock of the given reference.
-    /// Group delays drift slowly, so the message nearest in time serves at any age; see
-    /// [`Products::group_delay_age_s`]. `None` when nothing is known (GPS L5, for one): let a bias or a larger
-    /// standard deviation carry it.
+    /// Metres to add to a pseudorange on `signal` so that it fits a satellite clock of the given reference. `None` when nothing
+    /// is known (GPS L5 without biases, for one): let a bias or a larger standard deviation carry it.
+    ///
+    /// By the biases of a Bias-SINEX file, −c·OSB, where the clock is a network's and the signal has one. Else by the navigation
+    /// message nearest in time, at any age, for group delays drift slowly; see [`Products::group_delay_age_s`]. Where the
+    /// biases cover the signal for other satellites of the system, a correction by message is shifted by the constant between both
+    /// (the median over satellites that have both), so that all satellites of the system agree.
     pub fn group_delay_correction_m(
+        &self,
+        satellite: SatelliteId,
+        signal: SignalCode,
+        reference: ClockReference,
+        time: GpsTime,
+    ) -> Option<f64> {
+        let biases = self.biases.as_ref();
+        if self.precise_span.is_none() || !biases.cover(satellite.constellation, signal, time) {
+            return self.message_correction_m(satellite, signal, reference, time);
+        }
+        if reference == ClockReference::IonosphereFree
+            && let Some(correction_m) = biases.correction_m(satellite, signal, time)
+        {
+            return Some(correction_m);
+        }
+        let by_message_m = self.message_correction_m(satellite, signal, reference, time)?;
+        let datum_m = biases.datum_m(satellite.constellation, signal, time, |other| {
+            self.message_correction_m(other, signal, ClockReference::IonosphereFree, time)
+        })?;
+        Some(by_message_m + datum_m)
+    }
+
+    /// The correction by the group delays of navigation messages.
+    fn message_correction_m(
         &self,
         satellite: SatelliteId,
         signal: SignalCode,
@@ -167,7 +220,7 @@ impl Products {
             .min_by(f64::total_cmp)
     }
 
-    /// Klobuchar coefficients of the first navigation file that has them.
+    /// Klobuchar coefficients of the first navigation file that has them; see also [`Products::ionosphere_delay_m`].
     pub const fn ionosphere(&self) -> Option<KlobucharCoefficients> {
         self.ionosphere
     }
@@ -180,6 +233,16 @@ impl Products {
     /// First and last epoch of the SP3 files, `None` without any.
     pub const fn coverage(&self) -> Option<(GpsTime, GpsTime)> {
         self.precise_span
+    }
+
+    /// First and last record of the clock files, `None` without any.
+    pub fn clock_coverage(&self) -> Option<(GpsTime, GpsTime)> {
+        self.clocks.span()
+    }
+
+    /// From the earliest beginning to the latest end of the biases, `None` without any.
+    pub fn bias_coverage(&self) -> Option<(GpsTime, GpsTime)> {
+        self.biases.span()
     }
 
     /// The broadcast ephemeris in force for a satellite, whatever its health.

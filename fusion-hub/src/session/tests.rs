@@ -7,6 +7,9 @@ const SESSION: &str = r#"
 group = "wh-3-09"
 [products]
 sp3 = ["../orbits.sp3"]
+clock = ["../clocks.clk"]
+bias = ["biases.bia"]
+ionex = ["map.20i", "map.21i.gz"]
 navigation = ["/data/brdc.rnx.gz"]
 [[phone]]
 name = "HP30"
@@ -49,6 +52,10 @@ fn the_documented_file_is_read() {
     assert_eq!(session.group, "wh-3-09");
     assert_eq!(session.phone_names(), ["HP30", "HP20", "VX30"]);
     assert_eq!(session.products.sp3, [PathBuf::from("drives/monday/../orbits.sp3")]);
+    assert_eq!(session.products.clock, [PathBuf::from("drives/monday/../clocks.clk")]);
+    assert_eq!(session.products.bias, [PathBuf::from("drives/monday/biases.bia")]);
+    assert_eq!(session.products.ionex.len(), 2);
+    assert_eq!(session.products.iter().count(), 6);
     assert_eq!(session.products.navigation, [PathBuf::from("/data/brdc.rnx.gz")]);
     assert_eq!(session.phones[0].observations, Some(PathBuf::from("drives/monday/HP30.rnx")));
     assert_eq!(session.phones[1].truth, None);

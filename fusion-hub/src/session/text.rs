@@ -26,6 +26,12 @@ pub(super) struct ProductsTable {
     #[serde(default)]
     pub sp3: Vec<PathBuf>,
     #[serde(default)]
+    pub clock: Vec<PathBuf>,
+    #[serde(default)]
+    pub bias: Vec<PathBuf>,
+    #[serde(default)]
+    pub ionex: Vec<PathBuf>,
+    #[serde(default)]
     pub navigation: Vec<PathBuf>,
 }
 
