@@ -37,7 +37,9 @@ pub use navigation_decoder::NavigationDecoder;
 pub use navigation_header::IonosphereTerms;
 pub use observation::{ObservationDecoder, ObservationFile};
 pub use types::{ObservationKind, ObservationType};
-pub use writer::{ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record};
+pub use writer::{
+    ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, navigation_header, navigation_record,
+};
 
 /// Why a file cannot be read at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -51,7 +53,7 @@ pub enum RinexError {
         found: String,
     },
     /// A RINEX file of another kind.
-    #[error("this is a RINEX file of type '{found}'; an {expected} file is needed")]
+    #[error("this is a RINEX file of type '{found}'; one of type {expected} is needed")]
     WrongType {
         /// What is needed.
         expected: &'static str,
