@@ -45,7 +45,7 @@ impl AgentConfig {
 /// Where observations come from.
 #[derive(Clone, Debug)]
 pub enum Source {
-    /// A recorded file of any format that is read (see [`crate::format::Format`]), plain or gzip-compressed.
+    /// A recorded file of any format that is read (see [`crate::format::Format`]), plain or compressed (.gz, .Z).
     File(PathBuf),
     /// The same with an instant within three days of its beginning, for RTCM 3, whose messages carry the time of week only.
     /// Without it the products tell, or else the time of the file's last change.
@@ -69,7 +69,7 @@ pub enum Source {
 /// Where orbits and the rest come from.
 #[derive(Clone, Debug)]
 pub enum ProductSource {
-    /// SP3 and RINEX navigation files, plain or gzip-compressed.
+    /// SP3 and RINEX navigation files, plain or compressed (.gz, .Z).
     Files {
         /// Precise orbits and clocks.
         sp3: Vec<PathBuf>,

@@ -35,7 +35,7 @@ enum Command {
 
 #[derive(Debug, Args)]
 struct Inspect {
-    /// Recordings of any format that is read (.gz too)
+    /// Recordings of any format that is read (.gz and .Z too)
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// JSON instead of a table: a list with one object per file
@@ -48,7 +48,7 @@ struct Inspect {
 
 #[derive(Debug, Args)]
 struct Convert {
-    /// Recordings of any format that is read (.gz too), in order of time
+    /// Recordings of any format that is read (.gz and .Z too), in order of time
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Observation file to write
@@ -71,7 +71,7 @@ struct Publish {
     /// Name of the phone within the group
     #[arg(long)]
     phone: String,
-    /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz too), or a live source: '-' for
+    /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz and .Z too), or a live source: '-' for
     /// standard input, tcp://HOST:PORT for a server that sends bytes
     #[arg(long, value_name = "SOURCE", required_unless_present = "follow")]
     observations: Option<String>,
@@ -82,10 +82,10 @@ struct Publish {
     /// last change, and live the computer's clock [GPS time, YYYY-MM-DDThh:mm:ss]
     #[arg(long, value_name = "TIME")]
     date: Option<GpsTime>,
-    /// Precise orbits and clocks, SP3 (.gz too); may be repeated
+    /// Precise orbits and clocks, SP3 (.gz and .Z too); may be repeated
     #[arg(long, value_name = "FILE")]
     sp3: Vec<PathBuf>,
-    /// RINEX navigation file (.gz too): orbits, group delays, Klobuchar; may be repeated
+    /// RINEX navigation file (.gz and .Z too): orbits, group delays, Klobuchar; may be repeated
     #[arg(long, value_name = "FILE")]
     navigation: Vec<PathBuf>,
     /// Zenoh endpoint of the hub; may be repeated
