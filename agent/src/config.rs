@@ -45,7 +45,7 @@ impl AgentConfig {
 /// Where observations come from.
 #[derive(Clone, Debug)]
 pub enum Source {
-    /// A recorded file of any format that is read (see [`crate::format::Format`]), plain or gzip-compressed.
+    /// A recorded file of any format that is read (see [`crate::format::Format`]), plain or compressed (.gz, .Z).
     File(PathBuf),
     /// The same with an instant within three days of its beginning, for RTCM 3, whose messages carry the time of week only.
     /// Without it the products tell, or else the time of the file's last change.
@@ -75,18 +75,24 @@ pub enum ProductSource {
     Loaded(Arc<Products>),
 }
 
-/// Product files, any number of each kind, plain or gzip-compressed. Without any, the observations' own navigation messages serve.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+/// Product files, any number of each kind, plain or compressed (.gz, .Z). Without any, the observations' own navigation messages serve.
+#[derive(clap::Args, Clone, Debug, Default, PartialEq, Eq)]
+#[command(next_help_heading = "Products, each of which may be repeated (.gz and .Z too)")]
 pub struct ProductFiles {
-    /// Precise orbits and clocks, SP3.
+    /// Precise orbits and clocks, SP3
+    #[arg(long, value_name = "PATH")]
     pub sp3: Vec<PathBuf>,
-    /// Satellite clocks to go with them, RINEX clock files.
+    /// Satellite clocks to go with SP3 orbits, RINEX clock file
+    #[arg(long, value_name = "PATH")]
     pub clock: Vec<PathBuf>,
-    /// Code biases to go with them, Bias-SINEX.
+    /// Code biases to go with SP3 orbits, Bias-SINEX
+    #[arg(long, value_name = "PATH")]
     pub bias: Vec<PathBuf>,
-    /// Ionosphere maps, IONEX.
+    /// Ionosphere maps in place of Klobuchar, IONEX
+    #[arg(long, value_name = "PATH")]
     pub ionex: Vec<PathBuf>,
-    /// Broadcast navigation, RINEX.
+    /// RINEX navigation file: orbits, group delays, Klobuchar
+    #[arg(long, value_name = "PATH")]
     pub navigation: Vec<PathBuf>,
 }
 

@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 use cofix_common::decode::Record;
 use cofix_common::rinex::{
-    ObservationLayout, ObservationWriter, RecordingInfo, leap_seconds_at, navigation_header,
+    ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, leap_seconds_at, navigation_header,
     navigation_record,
 };
 use cofix_common::skips::Skips;
@@ -200,7 +200,7 @@ fn write_navigation(path: &Path, contents: &Contents, converted: &mut Converted)
     let navigation = &contents.navigation.file;
     to_file(path, |put| {
         let leap_seconds = contents.info.leap_seconds;
-        put(&navigation_header(&contents.info.created, navigation.ionosphere.gps.as_ref(), leap_seconds))
+        put(&navigation_header(&contents.info.created, &navigation.ionosphere, leap_seconds))
             .map_err(failed)?;
         for ephemeris in &navigation.ephemerides {
             let Some(record) = navigation_record(ephemeris) else {
@@ -211,7 +211,14 @@ fn write_navigation(path: &Path, contents: &Contents, converted: &mut Converted)
             put(&record).map_err(failed)?;
         }
         for ephemeris in &navigation.glonass {
-            converted.skips.add("GLONASS ephemeris is not written", || ephemeris.satellite.to_string());
+            let Some(record) = glonass_record(ephemeris, leap_seconds) else {
+                converted.skips.add("GLONASS ephemeris off the quarter of an hour, not written", || {
+                    format!("{} at {}", ephemeris.satellite, ephemeris.toe)
+                });
+                continue;
+            };
+            converted.ephemerides += 1;
+            put(&record).map_err(failed)?;
         }
         Ok(())
     })

@@ -34,7 +34,7 @@ impl fmt::Display for Format {
 
 /// All that is read, for messages.
 pub const READ_FORMATS: &str = "RINEX 2, 3 and 4 observations, Compact RINEX, GnssLogger text, RTCM 3 and challenge tables \
-                                (*_derived.csv, device_gnss.csv); files may be gzip-compressed";
+                                (*_derived.csv, device_gnss.csv); files may be packed with gzip or compress (.Z)";
 
 /// A log may have this many lines before one tells what it is.
 const LINES_TO_RECOGNISE: usize = 100;
@@ -84,12 +84,11 @@ fn is_log_line(line: &[u8]) -> bool {
 }
 
 /// Beginnings of what users are likely to have instead.
-const OTHERS: [(&[u8], &str); 9] = [
+const OTHERS: [(&[u8], &str); 8] = [
     (b"$G", "this looks like NMEA text, which has positions and no observations"),
     (b"$@", "this looks like Septentrio SBF; convert it to RINEX"),
     (b"\xb5\x62", "this looks like u-blox UBX; convert it to RINEX"),
     (b"PK\x03\x04", "this is a zip archive; unpack it"),
-    (b"\x1f\x9d", "this is compressed with 'compress' (.Z); uncompress it"),
     (b"BZh", "this is compressed with bzip2; uncompress it"),
     (b"\xfd7zXZ", "this is compressed with xz; uncompress it"),
     (b"#c", "this looks like SP3 orbits; they go to --sp3"),

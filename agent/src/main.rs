@@ -35,26 +35,23 @@ enum Command {
 
 #[derive(Debug, Args)]
 struct Inspect {
-    /// Recordings of any format that is read (.gz too)
+    /// Recordings of any format that is read (.gz and .Z too)
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Precise orbits and clocks, SP3 (.gz too), for the masks that need orbits; may be repeated
-    #[arg(long, value_name = "ORBITS")]
-    sp3: Vec<PathBuf>,
-    /// RINEX navigation file (.gz too), likewise; may be repeated
-    #[arg(long, value_name = "NAVIGATION")]
-    navigation: Vec<PathBuf>,
     /// JSON instead of a table: a list with one object per file
     #[arg(long)]
     json: bool,
     /// An instant within three days of the recordings, for RTCM 3 [GPS time, YYYY-MM-DDThh:mm:ss]
     #[arg(long, value_name = "TIME")]
     date: Option<GpsTime>,
+    /// With orbits, recordings are processed too, and what masks and RAIM take is counted
+    #[command(flatten)]
+    products: ProductFiles,
 }
 
 #[derive(Debug, Args)]
 struct Convert {
-    /// Recordings of any format that is read (.gz too), in order of time
+    /// Recordings of any format that is read (.gz and .Z too), in order of time
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Observation file to write
@@ -77,7 +74,7 @@ struct Publish {
     /// Name of the phone within the group
     #[arg(long)]
     phone: String,
-    /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz too), or a live source: '-' for
+    /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz and .Z too), or a live source: '-' for
     /// standard input, tcp://HOST:PORT for a server that sends bytes
     #[arg(long, value_name = "SOURCE", required_unless_present = "follow")]
     observations: Option<String>,
@@ -88,21 +85,6 @@ struct Publish {
     /// last change, and live the computer's clock [GPS time, YYYY-MM-DDThh:mm:ss]
     #[arg(long, value_name = "TIME")]
     date: Option<GpsTime>,
-    /// Precise orbits and clocks, SP3 (.gz too); may be repeated
-    #[arg(long, value_name = "FILE")]
-    sp3: Vec<PathBuf>,
-    /// Satellite clocks to go with SP3 orbits, RINEX clock file (.gz too); may be repeated
-    #[arg(long, value_name = "FILE")]
-    clock: Vec<PathBuf>,
-    /// Code biases to go with SP3 orbits, Bias-SINEX (.gz too); may be repeated
-    #[arg(long, value_name = "FILE")]
-    bias: Vec<PathBuf>,
-    /// Ionosphere maps in place of Klobuchar, IONEX (.gz too); may be repeated
-    #[arg(long, value_name = "FILE")]
-    ionex: Vec<PathBuf>,
-    /// RINEX navigation file (.gz too): orbits, group delays, Klobuchar; may be repeated
-    #[arg(long, value_name = "FILE")]
-    navigation: Vec<PathBuf>,
     /// Zenoh endpoint of the hub; may be repeated
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     connect: Vec<String>,
@@ -112,6 +94,8 @@ struct Publish {
     /// Seconds to wait for the hub before giving up
     #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     patience: u64,
+    #[command(flatten)]
+    products: ProductFiles,
 }
 
 fn main() -> ExitCode {
@@ -143,8 +127,7 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
 
 /// A file that cannot be used does not keep the others from being shown; the exit code tells.
 fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
-    let products =
-        ProductSource::Files { sp3: arguments.sp3.clone(), navigation: arguments.navigation.clone() };
+    let products = ProductSource::Files(arguments.products.clone());
     let mut inspections = Vec::new();
     let mut failed = 0;
     for path in &arguments.files {
@@ -187,13 +170,7 @@ impl Publish {
             source: self.source()?,
             group: self.group,
             phone: self.phone,
-            products: ProductSource::Files(ProductFiles {
-                sp3: self.sp3,
-                clock: self.clock,
-                bias: self.bias,
-                ionex: self.ionex,
-                navigation: self.navigation,
-            }),
+            products: ProductSource::Files(self.products),
             connect: self.connect,
             speed: self.speed,
             pipeline: PipelineOptions::default(),

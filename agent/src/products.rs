@@ -132,6 +132,16 @@ impl OwnNavigation {
         self.glonass_channels = decoder.glonass_channels();
     }
 
+    /// Gives products what the recording carried.
+    pub(crate) fn add_to(self, products: &mut Arc<Products>) {
+        if !self.glonass_channels.is_empty() {
+            Arc::make_mut(products).set_glonass_channels(&self.glonass_channels);
+        }
+        if !self.is_empty() {
+            Arc::make_mut(products).add_navigation(self.file);
+        }
+    }
+
     /// Adds what another recording carried.
     pub fn extend(&mut self, other: Self) {
         self.glonass_channels.extend(other.glonass_channels);

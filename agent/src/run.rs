@@ -115,13 +115,7 @@ impl<'a> Prepared<'a> {
             if !has_orbits && survey.navigation.is_empty() && !stop.is_requested() {
                 return Err(SourceError::NoProducts.into());
             }
-            let own = survey.navigation;
-            if !own.glonass_channels.is_empty() {
-                Arc::make_mut(&mut products).set_glonass_channels(&own.glonass_channels);
-            }
-            if !own.is_empty() {
-                Arc::make_mut(&mut products).add_navigation(own.file);
-            }
+            survey.navigation.add_to(&mut products);
             skips.merge(&survey.skips);
             expected = Some(survey.epochs);
         }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cofix_agent::inspect::inspect;
-use cofix_agent::{ProductSource, Stop};
+use cofix_agent::{ProductFiles, ProductSource, Stop};
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::rinex::{ObservationLayout, ObservationWriter, RecordingInfo};
 use cofix_common::simulation::{Scenario, Simulation};
@@ -33,7 +33,7 @@ fn with_orbits_the_masks_that_need_them_are_counted() {
     let path = folder.path().join("phone.rnx");
     write(&path, &epochs);
 
-    let without = ProductSource::Files { sp3: Vec::new(), navigation: Vec::new() };
+    let without = ProductSource::Files(ProductFiles::default());
     let inspection = inspect(&path, None, &without, &Stop::default()).unwrap();
     assert_eq!((inspection.epochs, inspection.trial), (epochs.len() as u64, None));
 

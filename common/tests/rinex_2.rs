@@ -198,6 +198,61 @@ const GPS: &str = "     2.10           N: GPS NAV DATA                         R
     5.195760000000D+05
 ";
 
+/// A Galileo or QZSS record of RINEX 3 in the form of RINEX 2.12, with the system's letter or without.
+fn as_2(record: &str, lettered: bool) -> String {
+    let mut text = String::new();
+    for (index, line) in record.lines().enumerate() {
+        let (id, number) = if lettered { (&line[..3], 0) } else { (&line[1..3], 1) };
+        match index {
+            // A year of two digits, and the second with its tenth.
+            0 => text += &format!("{id} {}{}.0{}\n", &line[6..20], &line[20..23], &line[23..]),
+            _ => text += &format!("{}\n", &line[number..]),
+        }
+    }
+    text
+}
+
+#[test]
+fn systems_of_2_12_are_read_as_those_of_3() {
+    let record = |id: &str| {
+        let lines = [
+            &format!("{id} 2024 01 02 03 10 00-4.250000000000E-04-8.125000000000E-12 0.000000000000E+00"),
+            "     7.100000000000E+01-1.250000000000E+01 3.062500000000E-09-1.375000000000E+00",
+            "    -6.250000000000E-07 1.812500000000E-03 7.750000000000E-06 5.440625000000E+03",
+            "     1.842000000000E+05-3.125000000000E-08 2.562500000000E+00 4.687500000000E-08",
+            "     9.687500000000E-01 1.937500000000E+02-5.125000000000E-01-5.375000000000E-09",
+            "    -2.250000000000E-10 5.170000000000E+02 2.295000000000E+03",
+            "     3.120000000000E+00 0.000000000000E+00 2.500000000000E-09 3.125000000000E-09",
+            "     1.848650000000E+05",
+        ];
+        lines.join("\n") + "\n"
+    };
+    let file = |first: &str, body: &str| {
+        let first = header(first, "RINEX VERSION / TYPE");
+        let text = format!("{first}{}{body}", header("", "END OF HEADER"));
+        let file = NavigationFile::parse(text.as_bytes()).unwrap();
+        assert!(file.skips.is_empty(), "{}", file.skips);
+        file.ephemerides
+    };
+    for (id, galileo) in [("E05", true), ("J02", false)] {
+        let record = record(id);
+        let three = file("     3.04           N: GNSS NAV DATA    M: MIXED", &record);
+        assert_eq!((three.len(), three[0].satellite.to_string()), (1, id.to_owned()));
+        let first = if galileo {
+            "     2.12           E: GALILEO NAV DATA"
+        } else {
+            "     2.12           N                   J"
+        };
+        for lettered in [false, true] {
+            let two = as_2(&record, lettered);
+            assert_eq!(file(first, &two), three, "{two}");
+        }
+        // A blank for the first digit.
+        let two = as_2(&record, true).replacen(id, &id.replace('0', " "), 1);
+        assert_eq!(file(first, &two), three, "{two}");
+    }
+}
+
 #[test]
 fn weeks_may_have_rolled_over() {
     let read =

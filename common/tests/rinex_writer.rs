@@ -4,15 +4,17 @@
 
 use std::path::PathBuf;
 
+use cofix_common::frames::{Ecef, EcefVector};
 use cofix_common::gnss::{
     Constellation, EpochFlag, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
-use cofix_common::orbit::KeplerEphemeris;
+use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris};
 use cofix_common::rinex::{
-    NavigationFile, ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo, navigation_header,
-    navigation_record,
+    IonosphereTerms, NavigationFile, ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo,
+    glonass_record, navigation_header, navigation_record,
 };
 use cofix_common::time::GpsTime;
+use nalgebra::Vector3;
 use proptest::prelude::*;
 
 fn shared(path: &str) -> Option<Vec<u8>> {
@@ -85,6 +87,14 @@ fn comparable(ephemeris: &KeplerEphemeris) -> (KeplerEphemeris, bool, bool) {
     (ephemeris, first.is_nan(), second.is_nan())
 }
 
+fn by_time(ephemerides: &[GlonassEphemeris]) -> Vec<GlonassEphemeris> {
+    let mut sorted = ephemerides.to_vec();
+    let key =
+        |e: &GlonassEphemeris| (e.toe, e.satellite, e.health, e.tau_s.to_bits(), e.position.0.x.to_bits());
+    sorted.sort_by_key(key);
+    sorted
+}
+
 #[test]
 fn navigation_files_come_back_exactly() {
     for path in [
@@ -94,13 +104,18 @@ fn navigation_files_come_back_exactly() {
     ] {
         let Some(bytes) = shared(path) else { return };
         let file = NavigationFile::parse(&bytes).unwrap();
-        let mut text = navigation_header("", file.ionosphere.gps.as_ref(), file.leap_seconds);
+        let mut text = navigation_header("", &file.ionosphere, file.leap_seconds);
         for ephemeris in &file.ephemerides {
             text += &navigation_record(ephemeris).unwrap();
         }
+        for ephemeris in &file.glonass {
+            text += &glonass_record(ephemeris, file.leap_seconds).unwrap();
+        }
         let again = NavigationFile::parse(text.as_bytes()).unwrap();
-        assert!(again.skips.is_empty(), "{path}: {}", again.skips);
-        assert_eq!(again.ionosphere.gps, file.ionosphere.gps, "{path}");
+        let unknown = again.skips.count("GLONASS health unknown, record kept");
+        assert_eq!(again.skips.total(), unknown, "{path}: {}", again.skips);
+        assert_eq!(again.ionosphere, file.ionosphere, "{path}");
+        assert_eq!(by_time(&again.glonass), by_time(&file.glonass), "{path}");
         assert_eq!(again.leap_seconds, file.leap_seconds);
         let key = |e: &KeplerEphemeris| {
             (
@@ -147,6 +162,46 @@ fn what_the_format_cannot_hold_is_counted() {
     assert_eq!(again.epochs[0].observations, [only]);
     assert_eq!(again.epochs[0].flag, EpochFlag::PowerFailure);
     assert_eq!(again.epochs[0].time_gps, "2020-08-13T14:20:00".parse().unwrap());
+}
+
+fn glonass(utc_quarter: i64, leap_seconds: i64) -> GlonassEphemeris {
+    let midnight: GpsTime = "2016-12-31T00:00:00".parse().unwrap();
+    GlonassEphemeris {
+        satellite: "R07".parse().unwrap(),
+        toe: midnight + (900 * utc_quarter + leap_seconds) as f64,
+        position: Ecef(Vector3::new(10_234.567_871_09, -12_345.678_710_94, 19_876.543_457_03) * 1e3),
+        velocity: EcefVector(Vector3::new(-1.234_567_642_21, 2.345_678_329_47, -0.901_234_626_77) * 1e3),
+        acceleration: EcefVector(Vector3::new(-1.862_645_149_23e-9, 0.0, 9.313_225_746_15e-10) * 1e3),
+        tau_s: -3.456_789_627_67e-5,
+        gamma: 9.094_947_017_73e-13,
+        l2_delay_s: Some(-2.793_967_723_85e-9),
+        frequency_channel: -4,
+        health: Some(0),
+        health_flags: Some(3),
+        age_days: 1.0,
+        accuracy_m: 7.0,
+    }
+}
+
+/// Through the leap second at the end of 2016: 17 s before, 18 s from then on.
+#[test]
+fn glonass_comes_back_exactly() {
+    let plain = glonass(95, 17);
+    let after = glonass(96, 18);
+    let unknown = GlonassEphemeris { l2_delay_s: None, health: None, health_flags: None, ..glonass(94, 17) };
+    let mut text = navigation_header("", &IonosphereTerms::default(), None);
+    for ephemeris in [&unknown, &plain, &after] {
+        text += &glonass_record(ephemeris, None).unwrap();
+    }
+    assert!(text.lines().all(|line| line.len() <= 80), "{text}");
+    assert!(text.contains("R07 2017 01 01 00 00 00"), "{text}");
+    let again = NavigationFile::parse(text.as_bytes()).unwrap();
+    assert_eq!(again.glonass, [unknown, plain, after]);
+    // A header's leap seconds hold for the whole file; with those of the next year, this message's time is none of GLONASS.
+    assert_eq!(glonass_record(&plain, Some(18)), None);
+    let text = navigation_header("", &IonosphereTerms::default(), Some(18))
+        + &glonass_record(&after, Some(18)).unwrap();
+    assert_eq!(NavigationFile::parse(text.as_bytes()).unwrap().glonass, [after]);
 }
 
 /// A number of thousandths that is not zero.

@@ -1,10 +1,10 @@
-//! A recorded file, plain or gzip-compressed.
+//! A recorded file, plain or compressed.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek};
+use std::io::{self, Read, Seek};
 use std::path::Path;
 
-use flate2::read::MultiGzDecoder;
+use cofix_common::rinex::Packing;
 
 use super::{Bytes, PORTION_BYTES, Portion};
 use crate::Stop;
@@ -13,7 +13,7 @@ use crate::Stop;
 pub struct Recorded {
     reader: Box<dyn Read + Send>,
     taken: u64,
-    gzip: bool,
+    packing: Option<Packing>,
     last_words: Option<String>,
 }
 
@@ -27,17 +27,19 @@ impl Recorded {
         let mut magic = [0_u8; 2];
         let read = file.read(&mut magic)?;
         file.rewind()?;
-        let gzip = read == magic.len() && magic == [0x1f, 0x8b];
-        let reader: Box<dyn Read + Send> =
-            if gzip { Box::new(MultiGzDecoder::new(BufReader::new(file))) } else { Box::new(file) };
-        Ok(Self { reader, taken: 0, gzip, last_words: None })
+        let packing = Packing::of(magic.get(..read).unwrap_or_default());
+        let reader: Box<dyn Read + Send> = match packing {
+            Some(packing) => packing.expand(file),
+            None => Box::new(file),
+        };
+        Ok(Self { reader, taken: 0, packing, last_words: None })
     }
 
     /// A damaged archive is used as far as it goes.
-    fn damaged(&mut self, error: &io::Error) -> Portion {
+    fn damaged(&mut self, packing: Packing, error: &io::Error) -> Portion {
         let taken = self.taken;
         self.last_words =
-            Some(format!("gzip data is damaged or cut off after {taken} expanded bytes ({error})"));
+            Some(format!("{packing} data is damaged or cut off after {taken} expanded bytes ({error})"));
         Portion::Lost
     }
 }
@@ -57,8 +59,9 @@ impl Bytes for Recorded {
                     return Ok(Portion::Bytes);
                 }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) if self.gzip => return Ok(self.damaged(&error)),
-                Err(error) => return Err(error),
+                Err(error) => {
+                    return self.packing.map(|packing| self.damaged(packing, &error)).ok_or(error);
+                }
             }
         }
     }

@@ -103,8 +103,8 @@ pub fn inspect(
     }
     navigation.take_terms(records.decoder());
     let channels = records.decoder().glonass_channels();
-    let has_orbits = !(loaded.is_none() && navigation.is_empty());
     let Loaded { mut products, mut skips, .. } = loaded;
+    let has_orbits = products.has_orbits() || !navigation.is_empty();
     skips.merge(&records.skips());
     let inspection = Inspection {
         file: path.display().to_string(),
@@ -117,9 +117,7 @@ pub fn inspect(
     if !has_orbits {
         return Ok(inspection);
     }
-    if !navigation.is_empty() {
-        Arc::make_mut(&mut products).add_navigation(navigation.file);
-    }
+    navigation.add_to(&mut products);
     Ok(Inspection { trial: Some(trial(path, near, products, stop)?), ..inspection })
 }
 

@@ -85,7 +85,8 @@ impl Biases {
         if differences.len() < MIN_COMMON_SATELLITES {
             return None;
         }
-        let lower = if differences.len() % 2 == 0 { differences.get(middle - 1).copied()? } else { upper };
+        let lower =
+            if differences.len().is_multiple_of(2) { differences.get(middle - 1).copied()? } else { upper };
         Some(0.5 * (lower + upper))
     }
 

@@ -20,6 +20,7 @@ pub use bias_file::{BiasFile, BiasFileError, CodeBias};
 pub use broadcast::is_healthy;
 pub use clock_file::{ClockFile, ClockFileError, ClockRecord};
 pub use glonass::GlonassEphemeris;
+pub(crate) use glonass::{RADIUS_BOUNDS_M, SPEED_BOUNDS_MPS, accuracy_m};
 pub use ionosphere::LineOfSight;
 pub use kepler::{KeplerEphemeris, NavigationMessage};
 pub use precise::{MAX_NODES, MIN_NODES};

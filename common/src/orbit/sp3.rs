@@ -72,7 +72,7 @@ pub enum Sp3Error {
 }
 
 impl Sp3 {
-    /// Reads a whole file, plain or gzip-compressed.
+    /// Reads a whole file, plain or compressed (.gz, .Z).
     ///
     /// # Errors
     /// When the compression is damaged, the header cannot be used, or there is no position in the file; other

@@ -143,7 +143,8 @@ impl HeaderBuilder {
             b"SYS / SCALE FACTOR" => self.scale_factor(line).ok_or(SCALE_LABEL)?,
             b"TIME OF FIRST OBS" => {
                 self.first_observation_own = calendar_of_header(line);
-                self.header.time_system = text(columns(line, 48, 51));
+                // Some writers are a column off.
+                self.header.time_system = text(columns(line, 43, 60));
                 self.first_observation_own.ok_or(FIRST_LABEL)?;
             }
             b"# / TYPES OF OBSERV" => self.observation_types_2(line).ok_or(TYPES_2_LABEL)?,
@@ -232,8 +233,10 @@ impl HeaderBuilder {
         for index in 0..scaled.remaining.min(12) {
             let code = columns(line, 11 + 4 * index, 14 + 4 * index).trim_ascii();
             let wanted = observation_type(code, scaled.constellation, version)?;
-            let found = types.iter_mut().find(|t| t.kind == wanted.kind && t.signal == wanted.signal)?;
-            found.scale = scaled.factor;
+            let is_wanted = |t: &&mut ObservationType| t.kind == wanted.kind && t.signal == wanted.signal;
+            if let Some(found) = types.iter_mut().find(is_wanted) {
+                found.scale = scaled.factor;
+            }
             scaled.remaining -= 1;
         }
         self.scaled = (scaled.remaining > 0).then_some(scaled);

@@ -1,7 +1,7 @@
 //! RINEX 2, 3 and 4 observation and navigation files (Gurtner, Estey: RINEX 2.11; Romero: RINEX 3.05 and 4.01).
 //!
 //! Observation files may be in Compact RINEX 1 or 3 (Hatanaka). The decoders take bytes in any portions (see
-//! [`crate::decode::Decoder`]) and own no input; the functions over whole files accept plain or gzip-compressed bytes. Damage costs the damaged value, line or record, and is counted in
+//! [`crate::decode::Decoder`]) and own no input; the functions over whole files accept plain bytes or those of gzip or `compress`. Damage costs the damaged value, line or record, and is counted in
 //! [`crate::skips::Skips`].
 
 mod decimal;
@@ -24,11 +24,12 @@ mod order;
 mod stream;
 mod types;
 mod types_2;
+mod unix_compress;
 mod version;
 mod writer;
 
 pub(crate) use decimal::{integer, real};
-pub use decompress::{DecompressError, MAX_DECOMPRESSED_BYTES, decompress};
+pub use decompress::{DecompressError, MAX_DECOMPRESSED_BYTES, Packing, decompress};
 pub use header::ObservationHeader;
 pub use leap_seconds::leap_seconds_at;
 pub use line_assembly::MAX_LINE_BYTES;
@@ -37,7 +38,9 @@ pub use navigation_decoder::NavigationDecoder;
 pub use navigation_header::IonosphereTerms;
 pub use observation::{ObservationDecoder, ObservationFile};
 pub use types::{ObservationKind, ObservationType};
-pub use writer::{ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record};
+pub use writer::{
+    ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, navigation_header, navigation_record,
+};
 
 /// Why a file cannot be read at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -51,7 +54,7 @@ pub enum RinexError {
         found: String,
     },
     /// A RINEX file of another kind.
-    #[error("this is a RINEX file of type '{found}'; an {expected} file is needed")]
+    #[error("this is a RINEX file of type '{found}'; one of type {expected} is needed")]
     WrongType {
         /// What is needed.
         expected: &'static str,
@@ -97,7 +100,7 @@ pub enum RinexError {
         /// What the header says.
         found: String,
     },
-    /// The gzip container is damaged or too large.
+    /// The compressed file is damaged or too large.
     #[error(transparent)]
     Decompress(#[from] DecompressError),
 }

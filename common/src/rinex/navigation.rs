@@ -23,7 +23,7 @@ pub struct NavigationFile {
 }
 
 impl NavigationFile {
-    /// Reads a whole file, plain or gzip-compressed.
+    /// Reads a whole file, plain or compressed (.gz, .Z).
     ///
     /// # Errors
     /// When the compression is damaged or the header is not that of a navigation file; damaged records are counted

@@ -73,9 +73,8 @@ impl NavigationDecoder {
             return Ok(None);
         }
         if self.continues(line) {
-            let indent = if self.header.version.is_2() { 3 } else { 4 };
             match &mut self.record {
-                Some(record) => record.continuation(columns(line, indent, 80)),
+                Some(record) => record.continuation(line),
                 None if matches!(self.kind, Kind::Unused(_)) => {}
                 None => self
                     .skips
@@ -119,11 +118,9 @@ impl NavigationDecoder {
         self.record = match &self.kind {
             Kind::Unused(_) => return,
             Kind::Ionosphere { .. } => Some(Record::begin_without_satellite(number, line)),
-            Kind::Ephemeris if self.header.version.is_2() => match self.header.version.kind {
-                b'G' => Record::begin_2(number, line, Constellation::Glonass),
-                b'H' => Record::begin_2(number, line, Constellation::Sbas),
-                _ => Record::begin_2(number, line, Constellation::Gps),
-            },
+            Kind::Ephemeris if self.header.version.is_2() => {
+                Record::begin_2(number, line, self.header.version.navigation_system_2())
+            }
             Kind::Ephemeris => Record::begin(number, line),
         };
         if self.record.is_none() {

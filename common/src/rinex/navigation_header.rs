@@ -37,7 +37,7 @@ impl NavigationHeader {
     pub(super) fn line(&mut self, number: u64, line: &[u8]) -> Result<bool, RinexError> {
         self.lines += 1;
         if self.lines == 1 {
-            self.version = Version::read(number, line, b"NGH", "navigation")?;
+            self.version = Version::read(number, line, b"NGHE", "navigation")?;
             return Ok(false);
         }
         match columns(line, 60, 80).trim_ascii() {

@@ -12,6 +12,8 @@ const MAX_TOE_TOC_S: f64 = 86_400.0;
 const MAX_GROUP_DELAY_S: f64 = 1e-6;
 /// Clock terms in the first line, and four numbers in each of seven more.
 const VALUES: usize = 31;
+/// Columns before the numbers of a continuation line in RINEX 3 and 4.
+const INDENT: usize = 4;
 
 /// The numbers of a record, by their place in the file (RINEX 3.05, tables A6, A8, A12, A14).
 #[derive(Clone, Debug)]
@@ -21,6 +23,8 @@ pub(super) struct Record {
     /// The satellite.
     pub(super) satellite: SatelliteId,
     epoch: Calendar,
+    /// Columns before the numbers of a continuation line.
+    indent: usize,
     values: [Option<f64>; VALUES],
     filled: usize,
 }
@@ -47,14 +51,20 @@ impl Record {
             minute: small(18)?,
             second: real(columns(text, 21, 23))?,
         };
-        Some(Self::new(line, satellite, epoch, columns(text, 23, 80)))
+        Some(Self::new((line, satellite), epoch, INDENT, columns(text, 23, 80)))
     }
 
-    /// Begins with the line of satellite and epoch of RINEX 2 (tables A4, A11), whose files are of one system.
-    pub(super) fn begin_2(line: u64, text: &[u8], constellation: Constellation) -> Option<Self> {
-        let number = small(columns(text, 0, 2)).and_then(|n| u8::try_from(n).ok())?;
-        // RINEX 2 writes SBAS satellites as PRN less 100.
-        let satellite = SatelliteId::new(constellation, number);
+    /// Begins with the line of satellite and epoch of RINEX 2 (tables A4, A11). Its files are of one system and number the
+    /// satellites; where 2.12 has the system's letter in front, all is a column farther to the right.
+    pub(super) fn begin_2(line: u64, text: &[u8], system: Constellation) -> Option<Self> {
+        let lettered = text.first_chunk::<3>().filter(|id| id[0].is_ascii_alphabetic());
+        let shift = usize::from(lettered.is_some());
+        let satellite = match lettered {
+            Some(id) => SatelliteId::from_bytes(*id)?,
+            // SBAS satellites have their PRN less 100.
+            None => SatelliteId::new(system, small(columns(text, 0, 2)).and_then(|n| u8::try_from(n).ok())?),
+        };
+        let text = columns(text, shift, text.len());
         let small = |from: usize| small(columns(text, from, from + 2));
         let epoch = Calendar {
             year: year_2(columns(text, 3, 5))?,
@@ -64,24 +74,26 @@ impl Record {
             minute: small(15)?,
             second: real(columns(text, 17, 22))?,
         };
-        (1..100).contains(&number).then(|| Self::new(line, satellite, epoch, columns(text, 22, 79)))
+        let indent = 3 + shift;
+        let known = (1..100).contains(&satellite.number);
+        known.then(|| Self::new((line, satellite), epoch, indent, columns(text, 22, 79)))
     }
 
     /// Begins with a line that has the epoch alone (ionosphere records of RINEX 4). Satellite and epoch do not matter.
     pub(super) fn begin_without_satellite(line: u64, text: &[u8]) -> Self {
         let satellite = SatelliteId::new(Constellation::Gps, 0);
-        Self::new(line, satellite, GpsTime::default().calendar(), columns(text, 23, 80))
+        Self::new((line, satellite), GpsTime::default().calendar(), INDENT, columns(text, 23, 80))
     }
 
-    fn new(line: u64, satellite: SatelliteId, epoch: Calendar, values: &[u8]) -> Self {
-        let mut record = Self { line, satellite, epoch, values: [None; VALUES], filled: 0 };
+    fn new((line, satellite): (u64, SatelliteId), epoch: Calendar, indent: usize, values: &[u8]) -> Self {
+        let mut record = Self { line, satellite, epoch, indent, values: [None; VALUES], filled: 0 };
         record.append(values, 3);
         record
     }
 
-    /// Takes the columns of a further line from the first number on.
-    pub(super) fn continuation(&mut self, values: &[u8]) {
-        self.append(values, 4);
+    /// Takes a further line.
+    pub(super) fn continuation(&mut self, line: &[u8]) {
+        self.append(columns(line, self.indent, 80), 4);
     }
 
     /// A number by its place in the record; `None` where it is missing or unreadable.

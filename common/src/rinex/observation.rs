@@ -80,7 +80,7 @@ pub struct ObservationFile {
 }
 
 impl ObservationFile {
-    /// Reads a whole file, plain or gzip-compressed.
+    /// Reads a whole file, plain or compressed (.gz, .Z).
     ///
     /// # Errors
     /// When the compression is damaged or the header cannot be used; damage further on is counted in

@@ -9,7 +9,7 @@ use crate::gnss::Constellation;
 pub(super) struct Version {
     /// Version times 100: 211, 304, 400.
     pub(super) number: u16,
-    /// Type letter: O, N; in RINEX 2 also G (GLONASS navigation) and H (SBAS navigation).
+    /// Type letter: O, N; in RINEX 2 also the navigation of one system: G (GLONASS), H (SBAS), E (Galileo).
     pub(super) kind: u8,
     /// Satellite system; `None` for a mixed file and where nothing is said.
     pub(super) system: Option<Constellation>,
@@ -33,13 +33,23 @@ impl Version {
             return Err(RinexError::Version { found: text(field) });
         };
         let kind = columns(line, 20, 21).first().copied().unwrap_or(b' ');
-        // Types G and H exist in RINEX 2 alone.
+        // The others exist in RINEX 2 alone.
         if !kinds.contains(&kind) || (version >= 300.0 && !b"ON".contains(&kind)) {
             return Err(RinexError::WrongType { expected, found: text(columns(line, 20, 40)) });
         }
         let letter = columns(line, 40, 41).first().map_or(' ', |b| *b as char);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within 200 to 402
         Ok(Self { number: version as u16, kind, system: Constellation::from_letter(letter) })
+    }
+
+    /// The system of a RINEX 2 navigation file: RINEX 2 has a type for each, and GPS where nothing else is said.
+    pub(super) fn navigation_system_2(self) -> Constellation {
+        match self.kind {
+            b'G' => Constellation::Glonass,
+            b'H' => Constellation::Sbas,
+            b'E' => Constellation::Galileo,
+            _ => self.system.unwrap_or(Constellation::Gps),
+        }
     }
 
     /// Whether it is RINEX 2.

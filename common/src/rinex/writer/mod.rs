@@ -2,11 +2,23 @@
 //!
 //! What comes out, read again, is what went in, to the digits that the format has.
 
+mod glonass;
 mod navigation;
 mod observation;
 
+pub use glonass::glonass_record;
 pub use navigation::{navigation_header, navigation_record};
 pub use observation::{ObservationLayout, ObservationWriter, RecordingInfo};
+
+use crate::time::{Calendar, GpsTime};
+
+/// Date and time in the columns of a navigation record; `None` when they do not hold it.
+fn calendar_columns(time: GpsTime) -> Option<String> {
+    let Calendar { year, month, day, hour, minute, second } = time.calendar();
+    (1980..=9999)
+        .contains(&year)
+        .then(|| format!("{year:04} {month:02} {day:02} {hour:02} {minute:02} {:02.0}", second.floor()))
+}
 
 /// A header line.
 fn labelled(text: &str, label: &str) -> String {

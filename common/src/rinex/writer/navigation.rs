@@ -1,10 +1,11 @@
 //! Navigation files.
 
-use super::{labelled, program_line, scientific};
+use super::{calendar_columns, labelled, program_line, scientific};
 use crate::atmosphere::KlobucharCoefficients;
 use crate::gnss::Constellation;
 use crate::orbit::{KeplerEphemeris, NavigationMessage};
-use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, Calendar};
+use crate::rinex::IonosphereTerms;
+use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET};
 
 /// Data sources of Galileo messages (RINEX 3.05, table A8): E1-B and E5b-I with the clock for E5b and E1; E5a-I with
 /// the clock for E5a and E1.
@@ -14,24 +15,29 @@ const FNAV_SOURCES: f64 = 258.0;
 const UNKNOWN_TRANSMISSION: f64 = 0.9999e9;
 
 /// The header of a navigation file, with END OF HEADER. `created` as in [`super::RecordingInfo::created`].
-pub fn navigation_header(
-    created: &str,
-    ionosphere: Option<&KlobucharCoefficients>,
-    leap_seconds: Option<i64>,
-) -> String {
+pub fn navigation_header(created: &str, ionosphere: &IonosphereTerms, leap_seconds: Option<i64>) -> String {
     let version = format!("{:>9}{:11}{:<20}{:<20}", "3.05", "", "N: GNSS NAV DATA", "M: MIXED");
     let mut text = labelled(&version, "RINEX VERSION / TYPE");
     text += &program_line(created);
-    if let Some(KlobucharCoefficients { alpha, beta }) = ionosphere {
-        for (name, numbers) in [("GPSA", alpha), ("GPSB", beta)] {
-            let numbers: String = numbers.iter().map(|value| scientific(*value, 12, 4)).collect();
-            text += &labelled(&format!("{name} {numbers}"), "IONOSPHERIC CORR");
+    let klobuchar = [("GPSA", "GPSB", ionosphere.gps), ("BDSA", "BDSB", ionosphere.beidou)];
+    for (first, second, terms) in klobuchar {
+        if let Some(KlobucharCoefficients { alpha, beta }) = terms {
+            text += &ionosphere_line(first, &alpha);
+            text += &ionosphere_line(second, &beta);
         }
+    }
+    if let Some(terms) = ionosphere.galileo {
+        text += &ionosphere_line("GAL", &terms);
     }
     if let Some(leap_seconds) = leap_seconds {
         text += &labelled(&format!("{leap_seconds:6}"), "LEAP SECONDS");
     }
     text + &labelled("", "END OF HEADER")
+}
+
+fn ionosphere_line(name: &str, numbers: &[f64]) -> String {
+    let numbers: String = numbers.iter().map(|value| scientific(*value, 12, 4)).collect();
+    labelled(&format!("{name:<5}{numbers}"), "IONOSPHERIC CORR")
 }
 
 /// The record of an ephemeris (RINEX 3.05, tables A6, A8, A12, A14). `None` for systems whose records have another
@@ -46,13 +52,7 @@ pub fn navigation_record(ephemeris: &KeplerEphemeris) -> Option<String> {
         Constellation::Beidou => (BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET),
         Constellation::Glonass | Constellation::Navic | Constellation::Sbas => return None,
     };
-    let Calendar { year, month, day, hour, minute, second } = (ephemeris.toc - behind_s).calendar();
-    if !(1980..=9999).contains(&year) {
-        return None;
-    }
-    let satellite = ephemeris.satellite;
-    let mut text =
-        format!("{satellite} {year:04} {month:02} {day:02} {hour:02} {minute:02} {:02.0}", second.floor());
+    let mut text = format!("{} {}", ephemeris.satellite, calendar_columns(ephemeris.toc - behind_s)?);
     let (af0, af1, af2) = ephemeris.clock;
     for value in [af0, af1, af2] {
         text += &scientific(value, 19, 12);
