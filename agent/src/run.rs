@@ -111,7 +111,8 @@ impl<'a> Prepared<'a> {
             }
         } else {
             let survey = source::survey(&config.source, near, stop)?;
-            if nothing_named && survey.navigation.is_empty() && !stop.is_requested() {
+            let states_its_own = config.pipeline.recorded_corrections && survey.has_corrections;
+            if nothing_named && survey.navigation.is_empty() && !states_its_own && !stop.is_requested() {
                 return Err(SourceError::NoProducts.into());
             }
             if !survey.navigation.is_empty() {
@@ -159,7 +160,12 @@ impl Work<'_> {
             }
             let is_first = self.publication.published() == 0;
             note_shortcomings(epoch.time_gps, is_first, &self.products, &mut self.shortcomings);
-            self.publication.epoch(&self.pipeline.process(&epoch))?;
+            let recorded = opened.records().and_then(|records| records.decoder().recorded_corrections());
+            let message = match recorded.filter(|_| self.config.pipeline.recorded_corrections) {
+                Some(recorded) => self.pipeline.process_recorded(recorded),
+                None => self.pipeline.process(&epoch),
+            };
+            self.publication.epoch(&message)?;
         }
         Ok(())
     }
