@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::gnss::Constellation;
+
 /// Which `FullBiasNanos` and `BiasNanos` turn the phone's clock into GPS time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -129,6 +131,30 @@ pub struct StateRules {
     pub navic: StateRule,
     /// Satellite-based augmentation.
     pub sbas: StateRule,
+}
+
+impl StateRules {
+    /// The rule of a system.
+    pub const fn of(&self, constellation: Constellation) -> StateRule {
+        match constellation {
+            Constellation::Gps => self.gps,
+            Constellation::Glonass => self.glonass,
+            Constellation::Galileo => self.galileo,
+            Constellation::Beidou => self.beidou,
+            Constellation::Qzss => self.qzss,
+            Constellation::Navic => self.navic,
+            Constellation::Sbas => self.sbas,
+        }
+    }
+}
+
+impl StateRule {
+    /// Whether state bits pass: the code is tracked, and the time of transmission known, if need be modulo 100 ms.
+    pub const fn passes(self, state: u32) -> bool {
+        state & self.tracked != 0
+            && state & self.forbidden == 0
+            && state & (self.timed | self.timed_100_ms) != 0
+    }
 }
 
 impl Default for StateRules {

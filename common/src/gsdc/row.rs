@@ -2,7 +2,7 @@
 
 use super::columns::{Columns, Generation, Optional, Required};
 use super::derived::DerivedObservation;
-use super::signal;
+use super::{masks, signal};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId, SignalCode};
@@ -62,8 +62,8 @@ pub(super) struct Fault {
 }
 
 /// A row's fields by column.
-struct Fields<'a> {
-    columns: &'a Columns,
+pub(super) struct Fields<'a> {
+    pub(super) columns: &'a Columns,
     fields: &'a [&'a str],
 }
 
@@ -103,8 +103,15 @@ impl Fields<'_> {
         })
     }
 
-    fn optional(&self, column: Optional) -> Option<f64> {
+    /// A number where there is one.
+    pub(super) fn optional(&self, column: Optional) -> Option<f64> {
         self.columns.optional(self.fields, column).parse().ok().filter(|value: &f64| value.is_finite())
+    }
+
+    /// A word of bits where there is one. Tools that pass through floating point write ".0".
+    pub(super) fn bits(&self, column: Optional) -> Option<u32> {
+        let text = self.columns.optional(self.fields, column);
+        text.strip_suffix(".0").unwrap_or(text).parse().ok()
     }
 }
 
@@ -116,6 +123,7 @@ fn shorten(text: &str) -> String {
 pub(super) fn read(columns: &Columns, fields: &[&str]) -> Result<Row, Fault> {
     let fields = Fields { columns, fields };
     let (satellite, signal) = names(&fields)?;
+    masks::check(&fields, satellite.constellation)?;
     let (low, high) = PSEUDORANGE_BOUNDS_M;
     let pseudorange_m = fields.number(Required::Pseudorange, (low, high))?;
     let Times { time_gps, received_gps, shift_s } = times(&fields, pseudorange_m)?;
@@ -254,8 +262,7 @@ struct DeltaRangeState {
 
 /// Android `GnssMeasurement.ADR_STATE_*`: 1 valid, 2 reset, 4 cycle slip, 8 half cycle resolved, 16 half cycle reported.
 fn delta_range_state(fields: &Fields<'_>) -> DeltaRangeState {
-    let text = fields.columns.optional(fields.fields, Optional::DeltaRangeState);
-    let bits: u32 = text.strip_suffix(".0").unwrap_or(text).parse().unwrap_or(0);
+    let bits = fields.bits(Optional::DeltaRangeState).unwrap_or(0);
     let valid = bits & 1 != 0;
     DeltaRangeState {
         valid,

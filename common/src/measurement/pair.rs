@@ -8,6 +8,8 @@
 
 use std::str::FromStr;
 
+use serde::Deserialize;
+
 use super::{GivenCorrections, PreparedObservation};
 use crate::gnss::SignalCode;
 use crate::skips::Skips;
@@ -16,7 +18,8 @@ use crate::skips::Skips;
 const MOST_NOISE: f64 = 5.0;
 
 /// What is done about the ionosphere.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Ionosphere {
     /// Every signal by itself, with the delay of a model (or of the recording, where it states one).
     #[default]
