@@ -9,7 +9,7 @@ use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_agent::source::{open_file, survey};
 use cofix_agent::{Source, Stop};
 use cofix_common::accuracy::{Accuracy, Solution, Truth, score};
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::decode::Record;
 use cofix_common::gsdc::ground_truth;
 use cofix_common::orbit::Products;
 use cofix_common::rinex::NavigationFile;
@@ -28,8 +28,13 @@ fn file(bytes: &[u8]) -> tempfile::NamedTempFile {
 
 #[test]
 fn a_table_needs_no_products_and_a_bare_one_does() {
-    let row = |orbit: &str| format!("1273529463442,1,5,GPS_L1,1273529463365539137,{orbit},-3793.067,-0.001,23052313.867,4.197,0,7,5\n");
-    let whole = file(format!("{HEADER}{}", row("-2179862.557,-26154875.769,-3437694.371,325,-419,3129")).as_bytes());
+    let row = |orbit: &str| {
+        format!(
+            "1273529463442,1,5,GPS_L1,1273529463365539137,{orbit},-3793.067,-0.001,23052313.867,4.197,0,7,5\n"
+        )
+    };
+    let whole =
+        file(format!("{HEADER}{}", row("-2179862.557,-26154875.769,-3437694.371,325,-419,3129")).as_bytes());
     let bare = file(format!("{HEADER}{}", row(",,,,,")).as_bytes());
     let has = |path: PathBuf| survey(&Source::File(path), None, &Stop::default()).unwrap().has_corrections;
     assert!(has(whole.path().to_owned()));
@@ -57,35 +62,67 @@ fn table() -> Option<Vec<u8>> {
     Some(whole)
 }
 
-struct Run {
+struct Drive {
     span: (GpsTime, GpsTime),
     wls: Vec<Solution>,
     local: Vec<Solution>,
     skips: Skips,
 }
 
-fn run(table: &tempfile::NamedTempFile, products: Products, recorded: bool) -> Run {
-    let options = PipelineOptions::default();
-    let mut pipeline = PhonePipeline::new("pixel4", Arc::new(products), options);
+/// Runs the pipeline over a table, with its own corrections or with products.
+fn drive(table: &tempfile::NamedTempFile, products: Products, recorded: bool) -> Drive {
+    let mut pipeline = PhonePipeline::new("pixel4", Arc::new(products), PipelineOptions::default());
     let mut records = open_file(table.path(), None).unwrap();
     let (mut wls, mut local, mut times) = (Vec::new(), Vec::new(), Vec::new());
     while let Some(record) = records.next(&Stop::default()).unwrap() {
         let Record::Epoch(epoch) = record else { continue };
-        let given = records.decoder().recorded_corrections().filter(|_| recorded);
-        let message = given.map_or_else(|| pipeline.process(&epoch), |_| unreachable!());
-        times.push(message.time_gps);
+        let message = if recorded {
+            pipeline.process_recorded(records.decoder().recorded_corrections().unwrap())
+        } else {
+            pipeline.process(&epoch)
+        };
         let time_gps = message.time_gps;
-        wls.extend(message.wls.map(|s| Solution { time_gps, position: s.position, covariance: s.position_covariance }));
-        local.extend(message.local.map(|s| Solution {
+        assert_eq!(time_gps, epoch.time_gps);
+        times.push(time_gps);
+        wls.extend(message.wls.map(|solution| Solution {
             time_gps,
-            position: s.position(),
-            covariance: s.position_covariance(),
+            position: solution.position,
+            covariance: solution.position_covariance,
+        }));
+        local.extend(message.local.map(|state| Solution {
+            time_gps,
+            position: state.position(),
+            covariance: state.covariance.fixed_view::<3, 3>(0, 0).into_owned(),
         }));
     }
-    assert!(records.decoder().skips().total() <= 8);
-    Run { span: (times[0], *times.last().unwrap()), wls, local, skips: pipeline.skips() }
+    Drive { span: (times[0], times[times.len() - 1]), wls, local, skips: pipeline.skips() }
 }
 
-fn accuracy(truth: &Truth, run: &Run, solutions: &[Solution]) -> Accuracy {
-    score(truth, &[1], run.span, solutions).unwrap()
+/// p50 and p95 of the horizontal error, m.
+fn percentiles(truth: &Truth, drive: &Drive, solutions: &[Solution]) -> (f64, f64) {
+    let Accuracy { epochs, horizontal_p50_m, horizontal_p95_m, .. } =
+        score(truth, &[1], drive.span, solutions).unwrap();
+    assert!(epochs >= 1_735, "{epochs} epochs");
+    (horizontal_p50_m, horizontal_p95_m)
+}
+
+/// The table has neither C/N0 nor Doppler, so the filter has to go by code alone, and by the phone's own uncertainties.
+#[test]
+fn a_drive_on_nothing_but_its_table() {
+    let (Some(table), Some(truth), Some(navigation)) =
+        (table(), shared("Pixel4_ground_truth.csv"), shared("hour1350.20n"))
+    else {
+        return;
+    };
+    let (truth, _) = ground_truth(&truth).unwrap();
+    let table = file(&table);
+    let own = drive(&table, Products::default(), true);
+    let (wls, local) = (percentiles(&truth, &own, &own.wls), percentiles(&truth, &own, &own.local));
+    println!("its own corrections: wls {wls:.3?}, local {local:.3?}; {}", own.skips);
+    assert!(wls.0 <= 2.5 && wls.1 <= 7.5, "{wls:?}");
+    assert!(local.0 <= 2.5 && local.1 <= 7.5, "{local:?}");
+    let products = Products::new(Vec::new(), vec![NavigationFile::parse(&navigation).unwrap()]);
+    let other = drive(&table, products, false);
+    let (wls, local) = (percentiles(&truth, &other, &other.wls), percentiles(&truth, &other, &other.local));
+    println!("our corrections: wls {wls:.3?}, local {local:.3?}; {}", other.skips);
 }
