@@ -11,6 +11,7 @@ use cofix_agent::input::LiveSource;
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{AgentConfig, ProductFiles, ProductSource, Source, Speed, Stop};
+use cofix_common::measurement::{CorrectionOptions, Ionosphere};
 use cofix_common::time::GpsTime;
 
 /// Runs beside one phone: reads its observations and publishes corrected measurements, local state and integrity verdict
@@ -85,6 +86,14 @@ struct Publish {
     /// last change, and live the computer's clock [GPS time, YYYY-MM-DDThh:mm:ss]
     #[arg(long, value_name = "TIME")]
     date: Option<GpsTime>,
+    /// Take the satellite states and delays of the recording itself, where it has them (challenge tables), in place of those
+    /// from products; none need be named then
+    #[arg(long)]
+    recorded_corrections: bool,
+    /// 'model': every signal with a modelled delay; 'pair': the ionosphere-free pair of satellites with two bands; 'pair-only':
+    /// nothing but pairs
+    #[arg(long, value_name = "METHOD", default_value = "model")]
+    ionosphere: Ionosphere,
     /// Zenoh endpoint of the hub; may be repeated
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     connect: Vec<String>,
@@ -173,7 +182,11 @@ impl Publish {
             products: ProductSource::Files(self.products),
             connect: self.connect,
             speed: self.speed,
-            pipeline: PipelineOptions::default(),
+            pipeline: PipelineOptions {
+                correction: CorrectionOptions { ionosphere: self.ionosphere, ..CorrectionOptions::default() },
+                recorded_corrections: self.recorded_corrections,
+                ..PipelineOptions::default()
+            },
             patience: Duration::from_secs(self.patience),
             kept_messages: AgentConfig::KEPT_MESSAGES,
         })

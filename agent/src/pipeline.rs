@@ -5,6 +5,7 @@ use std::sync::Arc;
 use cofix_common::filter::{FilterOptions, JointFilter, Start};
 use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
+use cofix_common::gsdc::DerivedEpoch;
 use cofix_common::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim};
 use cofix_common::measurement::{
     CorrectedObservation, CorrectionOptions, Corrector, PreparedObservation, StochasticModel,
@@ -30,6 +31,8 @@ pub struct PipelineOptions {
     pub raim: RaimOptions,
     /// The local filter.
     pub filter: FilterOptions,
+    /// Whether a recording's own satellite states and delays are taken, where it has them, in place of those from products.
+    pub recorded_corrections: bool,
 }
 
 impl PipelineOptions {
@@ -37,7 +40,7 @@ impl PipelineOptions {
     pub fn peng2023() -> Self {
         let correction =
             CorrectionOptions { stochastic: StochasticModel::peng2023(), ..CorrectionOptions::default() };
-        Self { correction, filter: FilterOptions::peng2023(), raim: RaimOptions::default() }
+        Self { correction, filter: FilterOptions::peng2023(), ..Self::default() }
     }
 }
 
@@ -75,30 +78,40 @@ impl PhonePipeline {
 
     /// Processes one epoch; epochs come in order of time.
     pub fn process(&mut self, epoch: &ObservationEpoch) -> EpochMessage {
-        let (observations, Monitored { fit, report }) = self.solve(epoch);
+        let prepared = self.corrector.prepare(epoch);
+        self.process_prepared(epoch.time_gps, &prepared)
+    }
+
+    /// Processes one epoch of a recording with satellite states and corrections of its own, taking these.
+    pub fn process_recorded(&mut self, epoch: &DerivedEpoch) -> EpochMessage {
+        let prepared = epoch.prepare(&mut self.corrector);
+        self.process_prepared(epoch.time_gps, &prepared)
+    }
+
+    fn process_prepared(&mut self, time_gps: GpsTime, prepared: &[PreparedObservation]) -> EpochMessage {
+        let (observations, Monitored { fit, report }) = self.solve(time_gps, prepared);
         let wls = match &fit {
             Ok(fit) => {
                 let solution = fit.to_solution(solve_velocity(&observations, fit.position()));
                 if solution.is_none() {
-                    self.skips.add("epoch whose geometry is singular without weights", || {
-                        epoch.time_gps.to_string()
-                    });
+                    self.skips
+                        .add("epoch whose geometry is singular without weights", || time_gps.to_string());
                 }
                 solution
             }
             Err(error) => {
-                self.skips.add("epoch without a solution", || format!("{}: {error}", epoch.time_gps));
+                self.skips.add("epoch without a solution", || format!("{time_gps}: {error}"));
                 None
             }
         };
         if let Some(solution) = &wls {
             self.position = Some(solution.position);
         }
-        self.filter(epoch.time_gps, &observations, wls.as_ref().map(|solution| (solution, report.verdict)));
+        self.filter(time_gps, &observations, wls.as_ref().map(|solution| (solution, report.verdict)));
         let message = EpochMessage {
             phone: self.phone.clone(),
             sequence: self.sequence,
-            time_gps: epoch.time_gps,
+            time_gps,
             observations,
             wls,
             local: self.filter.state(0),
@@ -118,13 +131,15 @@ impl PhonePipeline {
     /// Corrects and solves. Corrections are made for the last known position, or, without one, for a first solution
     /// without atmosphere; when the solution turns out far from there, they are made again. A last known position that gives no
     /// solution is forgotten: it may be what is wrong.
-    fn solve(&mut self, epoch: &ObservationEpoch) -> (Vec<CorrectedObservation>, Monitored) {
-        let prepared = self.corrector.prepare(epoch);
+    fn solve(
+        &mut self,
+        time_gps: GpsTime,
+        prepared: &[PreparedObservation],
+    ) -> (Vec<CorrectedObservation>, Monitored) {
         let known = self.position.take();
-        let solved =
-            self.solve_from(&prepared, known.unwrap_or_else(|| rough_position(&prepared)), epoch.time_gps);
+        let solved = self.solve_from(prepared, known.unwrap_or_else(|| rough_position(prepared)), time_gps);
         if solved.1.fit.is_err() && known.is_some() {
-            return self.solve_from(&prepared, rough_position(&prepared), epoch.time_gps);
+            return self.solve_from(prepared, rough_position(prepared), time_gps);
         }
         solved
     }

@@ -112,7 +112,8 @@ impl<'a> Prepared<'a> {
             }
         } else {
             let survey = source::survey(&config.source, near, stop)?;
-            if !has_orbits && survey.navigation.is_empty() && !stop.is_requested() {
+            let states_its_own = config.pipeline.recorded_corrections && survey.has_corrections;
+            if !has_orbits && survey.navigation.is_empty() && !states_its_own && !stop.is_requested() {
                 return Err(SourceError::NoProducts.into());
             }
             survey.navigation.add_to(&mut products);
@@ -160,7 +161,12 @@ impl Work<'_> {
             }
             let is_first = self.publication.published() == 0;
             note_shortcomings(epoch.time_gps, is_first, &self.products, &mut self.shortcomings);
-            self.publication.epoch(&self.pipeline.process(&epoch))?;
+            let recorded = opened.records().and_then(|records| records.decoder().recorded_corrections());
+            let message = match recorded.filter(|_| self.config.pipeline.recorded_corrections) {
+                Some(recorded) => self.pipeline.process_recorded(recorded),
+                None => self.pipeline.process(&epoch),
+            };
+            self.publication.epoch(&message)?;
         }
         Ok(())
     }

@@ -56,7 +56,9 @@ pub enum SourceError {
     },
     /// There is no product at all.
     #[error(
-        "no orbits: name at least one SP3 or RINEX navigation file that has some (the observations carry no navigation messages either)"
+        "no orbits: name at least one SP3 or RINEX navigation file that has some (the observations carry no navigation messages \
+         either; a challenge table carries its own satellite states: --recorded-corrections, or recorded_corrections = true in a \
+         session)"
     )]
     NoProducts,
 }
@@ -68,6 +70,8 @@ pub struct Survey {
     pub epochs: u64,
     /// Navigation messages of the source itself.
     pub navigation: OwnNavigation,
+    /// Whether it has satellite states and corrections of its own.
+    pub has_corrections: bool,
     /// What was skipped.
     pub skips: Skips,
 }
@@ -104,6 +108,11 @@ impl<'a> Opened<'a> {
                 records.next(stop).map_err(|error| source_error(name, *path, error))
             }
         }
+    }
+
+    /// Whether the last record came with satellite states and corrections of its own.
+    fn has_corrections(&self) -> bool {
+        self.records().is_some_and(|records| records.decoder().recorded_corrections().is_some())
     }
 
     /// The records of a stream, for what they know of it.
@@ -170,6 +179,7 @@ pub fn survey(source: &Source, near: Option<GpsTime>, stop: &Stop) -> Result<Sur
     let mut survey = Survey::default();
     while let Some(record) = opened.next(stop)? {
         survey.epochs += u64::from(survey.navigation.take(record).is_some());
+        survey.has_corrections |= opened.has_corrections();
     }
     if let Some(records) = opened.records() {
         survey.navigation.take_terms(records.decoder());

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use cofix_common::atmosphere::KlobucharCoefficients;
 use cofix_common::decode::{Decoder, Record, WrongStream};
 use cofix_common::gnsslogger::{self, GnssLoggerDecoder};
-use cofix_common::gsdc::DerivedDecoder;
+use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch};
 use cofix_common::rinex::{ObservationDecoder, ObservationHeader, leap_seconds_at};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
@@ -58,6 +58,14 @@ impl StreamDecoder {
     pub fn ionosphere(&self) -> Option<KlobucharCoefficients> {
         match &self.0 {
             Kind::GnssLogger(decoder) => decoder.klobuchar(),
+            _ => None,
+        }
+    }
+
+    /// The epoch of the last record with satellite states and corrections of its own, which challenge tables have.
+    pub fn recorded_corrections(&self) -> Option<&DerivedEpoch> {
+        match &self.0 {
+            Kind::ChallengeTable(decoder) => decoder.last_epoch().filter(|epoch| epoch.has_corrections()),
             _ => None,
         }
     }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use cofix_common::decode::{Decoder, Record};
 use cofix_common::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
-use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch, DerivedFile, ground_truth};
+use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch, DerivedFile, ground_truth, is_ground_truth};
 use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};
 use cofix_common::orbit::Products;
 use cofix_common::solve::solve_position;
@@ -137,7 +137,7 @@ fn a_table_of_2021_gives_the_position() {
     let file = DerivedFile::parse(table_2021(3).as_bytes()).unwrap();
     assert!(file.skips.is_empty(), "{}", file.skips);
     assert_eq!(file.epochs.len(), 3);
-    assert_eq!(file.epochs[1].time_gps, GpsTime::from_nanos((START_MS + 1_000) * 1_000_000));
+    assert!((file.epochs[1].time_gps - GpsTime::from_nanos((START_MS + 1_000) * 1_000_000)).abs() < 2e-9);
     for epoch in &file.epochs {
         let error_m = solve(epoch).distance_m(site());
         assert!(error_m < 0.01, "{error_m} m");
@@ -191,6 +191,7 @@ fn a_table_since_2022_gives_position_rates_and_phases() {
     let prepared = epoch.prepare(&mut corrector);
     let (corrected, _) = corrector.finish(&prepared, site(), epoch.time_gps);
     assert_eq!(corrected.len(), 6, "only those with corrections");
+    assert_eq!(corrector.skips().count("no satellite state"), 1, "and no products for the other");
     assert!((corrected[0].range_rate.unwrap().range_rate_mps - 50.001).abs() < 1e-9);
 }
 
@@ -273,13 +274,57 @@ fn epochs_need_not_be_in_order_within_a_minute() {
     assert_eq!(file.epochs.len(), 3);
 }
 
+/// The tables of 2021 cut times to milliseconds, in which satellites go metres; the arrival has the rest.
+#[test]
+fn receive_times_are_whole_again() {
+    let mut sat = sky()[0];
+    let row = row_2021(START_MS, &sat);
+    sat.pseudorange_m += 433_600e-9 * SPEED_OF_LIGHT_MPS;
+    let late = row_2021(START_MS, &sat);
+    // The same transmission as before, received later within the millisecond.
+    let transmission = |text: &str| text.split(',').nth(7).unwrap().to_owned();
+    let late = late.replacen(&transmission(&late), &transmission(&row), 1);
+    let file = DerivedFile::parse(format!("{HEADER_2021}{late}").as_bytes()).unwrap();
+    let cut_ns = file.epochs[0].time_gps.nanos() - START_MS * 1_000_000;
+    assert!((cut_ns - 433_600).abs() <= 2, "{cut_ns} ns");
+    assert!(file.skips.is_empty(), "{}", file.skips);
+}
+
+/// Since 2022 the tables have every row of the log, with what the phone says about it.
+#[test]
+fn rows_that_the_phone_itself_doubts_are_masked() {
+    let row = |number: usize, more: &str| {
+        let row = row_2022(START_MS, &sky()[number], 1, true);
+        format!("{},{more}\n", row.trim_end())
+    };
+    let header = format!(
+        "{},State,MultipathIndicator,BiasUncertaintyNanos,ReceivedSvTimeUncertaintyNanos\n",
+        HEADER_2022.trim_end()
+    );
+    let good = 1 | 1 << 3 | 1 << 14;
+    let table = [
+        row(0, &format!("{good},0,10.0,20.0")),
+        row(1, "1,0,10.0,20.0"),
+        row(2, &format!("{good},1,10.0,20.0")),
+        row(3, &format!("{good}.0,0,1.1e7,20.0")),
+        row(4, &format!("{good},2,10.0,501.0")),
+        row(5, ",,,"),
+    ];
+    let file = DerivedFile::parse(format!("{header}{}", table.concat()).as_bytes()).unwrap();
+    assert_eq!(file.epochs[0].observations.len(), 2, "{}", file.skips);
+    for reason in ["state bits", "multipath indicator", "clock bias uncertainty", "received time uncertainty"]
+    {
+        assert_eq!(file.skips.count(&format!("mask: {reason}")), 1, "{reason}: {}", file.skips);
+    }
+}
+
 /// The tables of 2021 carry the time of the next epoch.
 #[test]
 fn epochs_a_second_late_are_set_right() {
     let sat = sky()[0];
     let late = row_2021(START_MS, &sat).replacen(&START_MS.to_string(), &(START_MS + 1_000).to_string(), 1);
     let file = DerivedFile::parse(format!("{HEADER_2021}{late}").as_bytes()).unwrap();
-    assert_eq!(file.epochs[0].time_gps, GpsTime::from_nanos(START_MS * 1_000_000));
+    assert!((file.epochs[0].time_gps - GpsTime::from_nanos(START_MS * 1_000_000)).abs() < 2e-9);
     assert_eq!(file.skips.count("epoch corrected by whole seconds, row used"), 1, "{}", file.skips);
 }
 
@@ -300,7 +345,10 @@ fn truths_of_both_generations() {
     }
     writeln!(old, "x,Pixel4,later,37,-122.09,71.0,551.4,1.1,0,11.1,0.0").unwrap();
     writeln!(new, "Fix,GT,137,-122.09,10.0,11.1,0.1,0.0,1600000000000").unwrap();
+    assert!(!is_ground_truth(HEADER_2021.as_bytes()) && !is_ground_truth(HEADER_2022.as_bytes()));
+    assert!(!is_ground_truth(b"gps_week,gps_tow_s,latitude_deg,longitude_deg\n") && !is_ground_truth(b""));
     for text in [old, new] {
+        assert!(is_ground_truth(text.as_bytes()));
         let (truth, skips) = ground_truth(text.as_bytes()).unwrap();
         assert_eq!(skips.total(), 1, "{skips}");
         assert_eq!(truth.times(&[1]).count(), 3);

@@ -2,6 +2,8 @@
 //! 50th and 95th percentiles, mean over the phones.
 //!
 //!     cargo run --release -p cofix-hub --example variants -- tests/sessions/*.toml
+//!
+//! A second table has the phones with two bands one by one: what each band and the ionosphere-free pair are worth to them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,6 +16,7 @@ use cofix_common::accuracy::Accuracy;
 use cofix_common::constraint::{ConstraintOptions, DistanceModel, Enlargement, Method};
 use cofix_common::decode::Record;
 use cofix_common::gnss::ObservationEpoch;
+use cofix_common::measurement::{CorrectionOptions, Ionosphere};
 use cofix_common::orbit::Products;
 use cofix_common::wire::EpochMessage;
 use cofix_hub::align::{AlignOptions, Aligner};
@@ -94,7 +97,16 @@ fn variants() -> Vec<Variant> {
         },
         Variant { bands: Bands::First, ..ours("L1, E1 and B1I only", default) },
         Variant { bands: Bands::FifthElseFirst, ..ours("L5 and E5a where present, else L1", default) },
+        Variant {
+            pipeline: pairs(Ionosphere::Pair),
+            ..ours("ionosphere-free pairs where possible", default)
+        },
     ]
+}
+
+fn pairs(ionosphere: Ionosphere) -> PipelineOptions {
+    let correction = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
+    PipelineOptions { correction, ..PipelineOptions::default() }
 }
 
 fn main() -> anyhow::Result<()> {
@@ -102,8 +114,8 @@ fn main() -> anyhow::Result<()> {
     anyhow::ensure!(!paths.is_empty(), "name at least one SESSION.toml");
     println!("| session | variant | wls p50/p95 m | local | joint |");
     println!("|:--------|:--------|:--------------|:------|:------|");
-    for path in paths {
-        let session = Session::read(Path::new(&path))?;
+    for path in &paths {
+        let session = Session::read(Path::new(path))?;
         let plan = Plan::from_session(&session)?;
         let (products, _) = source::products(&plan.products)?;
         anyhow::ensure!(products.has_orbits(), "{path}: no orbits in its [products]");
@@ -113,7 +125,55 @@ fn main() -> anyhow::Result<()> {
             println!("| {} | {} | {} |", session.group, variant.name, cells.join(" | "));
         }
     }
+    bands(&paths)
+}
+
+/// Phones whose recordings have both bands, each by itself.
+fn bands(paths: &[String]) -> anyhow::Result<()> {
+    println!("\n| session | phone | signals | epochs of wls | wls p50/p95 m | local |");
+    println!("|:--------|:------|:--------|--------------:|:--------------|:------|");
+    for path in paths {
+        let session = Session::read(Path::new(path))?;
+        let plan = Plan::from_session(&session)?;
+        let (products, _) = source::products(&plan.products)?;
+        for variant in band_variants() {
+            let methods = run(&session, &plan, &products, &variant)?;
+            for (phone, wls) in &methods.wls {
+                let local = methods.local.get(phone).copied().flatten();
+                if let (true, Some(wls), Some(local)) = (TWO_BANDS.contains(&phone.as_str()), wls, local) {
+                    println!(
+                        "| {} | {phone} | {} | {} | {} | {} |",
+                        session.group,
+                        variant.name,
+                        wls.epochs,
+                        percentiles(wls),
+                        percentiles(&local)
+                    );
+                }
+            }
+        }
+    }
     Ok(())
+}
+
+/// Phones of the home track that record L5.
+const TWO_BANDS: [&str; 2] = ["HP30", "XIM8"];
+
+fn band_variants() -> Vec<Variant> {
+    let variant = |name, bands, ionosphere| Variant {
+        name,
+        pipeline: pairs(ionosphere),
+        engine: EngineOptions::default(),
+        constrained: false,
+        bands,
+    };
+    vec![
+        variant("L1, E1, B1I only", Bands::First, Ionosphere::Model),
+        variant("L5, E5a where present, else L1", Bands::FifthElseFirst, Ionosphere::Model),
+        variant("both, model", Bands::All, Ionosphere::Model),
+        variant("pairs, others with the model", Bands::All, Ionosphere::Pair),
+        variant("pairs only", Bands::All, Ionosphere::PairOnly),
+    ]
 }
 
 fn run(
@@ -150,4 +210,8 @@ fn mean(phones: &ByPhone) -> String {
         scored.iter().map(|accuracy| value(accuracy)).sum::<f64>() / scored.len() as f64
     };
     format!("{:.2} / {:.2}", mean(|a| a.horizontal_p50_m), mean(|a| a.horizontal_p95_m))
+}
+
+fn percentiles(accuracy: &Accuracy) -> String {
+    format!("{:.2} / {:.2}", accuracy.horizontal_p50_m, accuracy.horizontal_p95_m)
 }

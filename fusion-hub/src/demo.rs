@@ -5,6 +5,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use cofix_agent::{ProductSource, Source};
 use cofix_common::accuracy::{Truth, TruthPoint};
+use cofix_common::measurement::Ionosphere;
 use cofix_common::simulation::{Scenario, Simulation};
 use cofix_common::skips::Skips;
 
@@ -33,6 +34,7 @@ pub fn plan(scenario: Scenario) -> anyhow::Result<Plan> {
         constraints: constraints.into_iter().map(always).collect(),
         truth_quality: vec![QUALITY],
         preset: Preset::Default,
+        ionosphere: Ionosphere::default(),
         truth_skips: Skips::default(),
     })
 }
@@ -47,5 +49,6 @@ fn phone(simulation: &Simulation, index: usize, name: &str) -> PlannedPhone {
         name: name.to_owned(),
         source: Source::Epochs(Arc::new(epochs)),
         truth: Some(Truth::from_points(rows, QUALITY)),
+        recorded_corrections: false,
     }
 }

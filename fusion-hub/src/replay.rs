@@ -3,12 +3,16 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, source};
 use cofix_common::accuracy::Truth;
+use cofix_common::gsdc;
+use cofix_common::measurement::Ionosphere;
+use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
@@ -40,6 +44,8 @@ pub struct Plan {
     pub truth_quality: Vec<u8>,
     /// The estimator's settings.
     pub preset: Preset,
+    /// What is done about the ionosphere.
+    pub ionosphere: Ionosphere,
     /// What was skipped in reading the truths.
     pub truth_skips: Skips,
 }
@@ -53,6 +59,8 @@ pub struct PlannedPhone {
     pub source: Source,
     /// Its truth.
     pub truth: Option<Truth>,
+    /// Whether its recording's own satellite states and delays are taken, where it has them.
+    pub recorded_corrections: bool,
 }
 
 /// How a replay is made.
@@ -95,8 +103,33 @@ impl Plan {
             constraints: session.constraints.clone(),
             truth_quality: session.truth_quality.clone(),
             preset: session.preset,
+            ionosphere: session.ionosphere,
             truth_skips,
         })
+    }
+}
+
+impl Plan {
+    /// The settings of a phone's agent.
+    pub fn pipeline(&self, phone: &PlannedPhone) -> PipelineOptions {
+        let mut options = settings(self.preset).0;
+        options.correction.ionosphere = self.ionosphere;
+        options.recorded_corrections = phone.recorded_corrections;
+        options
+    }
+
+    /// Reads the products. None need be named when every phone brings its own.
+    fn products(&self) -> anyhow::Result<(Arc<Products>, Skips)> {
+        let ProductSource::Files { sp3, navigation } = &self.products else {
+            return Ok(source::products(&self.products)?);
+        };
+        if sp3.is_empty()
+            && navigation.is_empty()
+            && self.phones.iter().all(|phone| phone.recorded_corrections)
+        {
+            return Ok((Arc::default(), Skips::default()));
+        }
+        Ok(source::products(&self.products)?)
     }
 }
 
@@ -107,7 +140,12 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
             phone.name
         )
     })?;
-    Ok(PlannedPhone { name: phone.name.clone(), source: Source::File(observations), truth })
+    Ok(PlannedPhone {
+        name: phone.name.clone(),
+        source: Source::File(observations),
+        truth,
+        recorded_corrections: phone.recorded_corrections,
+    })
 }
 
 /// Phones' names and truths.
@@ -145,8 +183,9 @@ pub fn read_truths_counted(phones: &[SessionPhone]) -> anyhow::Result<(NamedTrut
 fn read_truth(path: &Path, skips: &mut Skips) -> anyhow::Result<Truth> {
     let bytes =
         std::fs::read(path).with_context(|| format!("{}: cannot read the truth file", path.display()))?;
+    let read = if gsdc::is_ground_truth(&bytes) { gsdc::ground_truth } else { Truth::parse_csv };
     let (truth, skipped) =
-        Truth::parse_csv(&bytes).with_context(|| format!("{}: not usable as truth", path.display()))?;
+        read(&bytes).with_context(|| format!("{}: not usable as truth", path.display()))?;
     merge_named(skips, "truth", &skipped, &path.display().to_string());
     Ok(truth)
 }
@@ -173,7 +212,7 @@ pub fn settings(preset: Preset) -> (PipelineOptions, EngineOptions) {
 /// # Errors
 /// When a file cannot be used, an agent fails, a message is lost, an output cannot be written, or nothing could be fused.
 pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
-    let (products, product_skips) = source::products(&plan.products)?;
+    let (products, product_skips) = plan.products()?;
     if !product_skips.is_empty() {
         tracing::info!("products: {product_skips}");
     }
@@ -194,7 +233,7 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
             products: ProductSource::Loaded(products.clone()),
             connect: connect.clone(),
             speed: options.speed,
-            pipeline: settings(plan.preset).0,
+            pipeline: plan.pipeline(phone),
             patience: AgentConfig::PATIENCE,
             kept_messages: AgentConfig::KEPT_MESSAGES,
         };
@@ -310,6 +349,7 @@ mod tests {
             name: name.to_owned(),
             observations: None,
             truth: Some(path.clone()),
+            recorded_corrections: false,
         };
         let (truths, skips) = read_truths_counted(&[phone("a"), phone("b")]).unwrap();
         assert!(truths.iter().all(|(_, truth)| truth.is_some()));

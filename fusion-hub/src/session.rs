@@ -11,7 +11,9 @@
 //! [[phone]]
 //! name = "HP30"                       # unique within the group
 //! observations = "HP30.rnx"           # needed by `replay`, ignored by `run`
-//! truth = "HP30.truth.csv"            # optional: the phone is scored against it
+//! truth = "HP30.truth.csv"            # optional: the phone is scored against it; or a challenge's ground_truth.csv
+//! recorded_corrections = false        # true: the satellite states and delays of its own recording (challenge tables) in
+//!                                     # place of the products', which need not be named then
 //! [[constraint]]
 //! kind = "distance"                   # every pair of the named phones
 //! phones = ["HP30"]                   # default: all; every constraint has it
@@ -30,6 +32,8 @@
 //! truth_quality = [1]                 # rows of the truth that count; this is the default
 //! [filter]
 //! preset = "default"                  # or "peng2023"
+//! [correction]
+//! ionosphere = "model"                # or "pair": ionosphere-free pair of satellites with two bands, or "pair-only"
 //! ```
 //!
 //! Paths are relative to the file. Unknown keys are errors.
@@ -41,6 +45,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub use cofix_agent::ProductFiles;
+use cofix_common::measurement::Ionosphere;
 use cofix_common::wire::check_name;
 
 use crate::engine::ScheduledConstraint;
@@ -61,6 +66,8 @@ pub struct Session {
     pub truth_quality: Vec<u8>,
     /// The estimator's settings.
     pub preset: Preset,
+    /// What is done about the ionosphere.
+    pub ionosphere: Ionosphere,
 }
 
 /// One phone of a session.
@@ -72,6 +79,8 @@ pub struct SessionPhone {
     pub observations: Option<PathBuf>,
     /// Its reference trajectory.
     pub truth: Option<PathBuf>,
+    /// Whether its recording's own satellite states and delays are taken, where it has them.
+    pub recorded_corrections: bool,
 }
 
 /// A session file that cannot be used.
@@ -152,6 +161,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
         name: phone.name,
         observations: phone.observations.map(at),
         truth: phone.truth.map(at),
+        recorded_corrections: phone.recorded_corrections,
     };
     Ok(Session {
         group: file.group,
@@ -166,6 +176,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
         constraints,
         truth_quality: file.evaluation.truth_quality,
         preset: file.filter.preset,
+        ionosphere: file.correction.ionosphere,
     })
 }
 

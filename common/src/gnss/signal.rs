@@ -12,20 +12,25 @@ use crate::constants::SPEED_OF_LIGHT_MPS;
 /// The frequency depends on the constellation too: band 2 is 1227.60 MHz for GPS, 1561.098 MHz for BeiDou.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct SignalCode {
-    /// RINEX band digit, `b'1'` to `b'9'`.
+    /// RINEX band digit, `b'1'` to `b'9'`; of a pair a letter, see [`SignalCode::pair`].
     pub band: u8,
-    /// RINEX attribute letter.
+    /// RINEX attribute letter; of a pair the first signal's.
     pub attribute: u8,
 }
 
-/// One receiver clock (with its hardware bias): a constellation on one RINEX band.
+/// One receiver clock (with its hardware bias): a constellation on one RINEX band, or on a pair of bands.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct ClockGroup {
     /// The system.
     pub constellation: Constellation,
-    /// RINEX band digit.
+    /// RINEX band digit, or the letter of a pair ([`SignalCode::pair`]).
     pub band: u8,
 }
+
+/// Bands that a pair can begin with: 1, and 2 for BeiDou's B1I.
+const FIRST_BANDS: u8 = 2;
+/// Bands that a pair can end with: 1 to 9.
+const SECOND_BANDS: u8 = 9;
 
 impl SignalCode {
     /// From the two characters of a RINEX observation code after its type letter.
@@ -33,7 +38,21 @@ impl SignalCode {
         Self { band, attribute }
     }
 
-    /// Carrier frequency, Hz (RINEX 3.05, tables 4-10). `None` for a band that the system does not transmit on.
+    /// The name of a combination of two signals, of which the first is on band 1 or 2. RINEX has none; here the band is a
+    /// letter that stands for both bands, so that every pair of bands has a clock group of its own. `None` for other bands.
+    pub fn pair(first: Self, second: Self) -> Option<Self> {
+        let place = |band: u8, count: u8| band.checked_sub(b'1').filter(|place| *place < count);
+        let band = place(first.band, FIRST_BANDS)? * SECOND_BANDS + place(second.band, SECOND_BANDS)?;
+        Some(Self { band: b'A' + band, attribute: first.attribute })
+    }
+
+    /// The RINEX band digits of a [`SignalCode::pair`]; `None` for a single signal.
+    pub fn bands_of_pair(self) -> Option<(u8, u8)> {
+        let place = self.band.checked_sub(b'A').filter(|place| *place < FIRST_BANDS * SECOND_BANDS)?;
+        Some((b'1' + place / SECOND_BANDS, b'1' + place % SECOND_BANDS))
+    }
+
+    /// Carrier frequency, Hz (RINEX 3.05, tables 4-10). `None` for a pair, and for a band that the system does not transmit on.
     /// GLONASS bands 1 and 2 need the frequency channel `glonass_channel` (−7…6) and are `None` without it.
     pub fn frequency_hz(self, constellation: Constellation, glonass_channel: Option<i8>) -> Option<f64> {
         use Constellation::{Beidou, Galileo, Glonass, Gps, Navic, Qzss, Sbas};
@@ -65,7 +84,10 @@ impl SignalCode {
 
 impl fmt::Display for SignalCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}{}", self.band as char, self.attribute as char)
+        match self.bands_of_pair() {
+            Some((first, second)) => write!(f, "{}+{}", first as char, second as char),
+            None => write!(f, "{}{}", self.band as char, self.attribute as char),
+        }
     }
 }
 
@@ -77,7 +99,11 @@ impl fmt::Debug for SignalCode {
 
 impl fmt::Display for ClockGroup {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}{}", self.constellation.letter(), self.band as char)
+        let signal = SignalCode { band: self.band, attribute: b'X' };
+        match signal.bands_of_pair() {
+            Some(_) => write!(f, "{}{signal}", self.constellation.letter()),
+            None => write!(f, "{}{}", self.constellation.letter(), self.band as char),
+        }
     }
 }
 
@@ -99,5 +125,25 @@ mod tests {
         let g1 = SignalCode::new(b'1', b'C');
         assert_eq!(g1.frequency_hz(Constellation::Glonass, None), None);
         assert_eq!(g1.frequency_hz(Constellation::Glonass, Some(-7)), Some(1_598_062_500.0));
+    }
+
+    #[test]
+    fn pairs_have_names_of_their_own() {
+        let mut seen = std::collections::BTreeSet::new();
+        for first in [b'1', b'2'] {
+            for second in b'1'..=b'9' {
+                let pair =
+                    SignalCode::pair(SignalCode::new(first, b'C'), SignalCode::new(second, b'Q')).unwrap();
+                assert_eq!(pair.bands_of_pair(), Some((first, second)));
+                assert!(seen.insert(pair.band) && pair.band.is_ascii_uppercase());
+                assert_eq!(pair.frequency_hz(Constellation::Gps, None), None);
+            }
+        }
+        let l5 = SignalCode::new(b'5', b'X');
+        assert_eq!(SignalCode::pair(l5, SignalCode::new(b'1', b'C')), None);
+        assert_eq!(l5.bands_of_pair(), None);
+        let pair = SignalCode::pair(SignalCode::new(b'1', b'C'), l5).unwrap();
+        let group = ClockGroup { constellation: Constellation::Galileo, band: pair.band };
+        assert_eq!((pair.to_string(), group.to_string()), ("1+5".to_owned(), "E1+5".to_owned()));
     }
 }

@@ -1,6 +1,6 @@
 //! One `Raw` line to one observation: masks, pseudorange, Doppler, phase.
 
-use super::options::{Masks, Options, StateRule};
+use super::options::{Masks, Options};
 use super::pseudorange::{ReceiveTime, TransmitScale};
 use super::raw::RawLine;
 use super::signal::signal;
@@ -109,7 +109,7 @@ fn scale(
     leap_seconds: i64,
     masks: &Masks,
 ) -> Result<TransmitScale, Refusal> {
-    let rule = rule(constellation, masks);
+    let rule = masks.states.of(constellation);
     let tracked = state & rule.tracked != 0 && state & rule.forbidden == 0;
     if tracked && state & rule.timed != 0 {
         Ok(TransmitScale::full(constellation, leap_seconds))
@@ -117,19 +117,6 @@ fn scale(
         Ok(TransmitScale::hundred_ms())
     } else {
         refuse("mask: state bits", "State", f64::from(state))
-    }
-}
-
-const fn rule(constellation: Constellation, masks: &Masks) -> StateRule {
-    let states = &masks.states;
-    match constellation {
-        Constellation::Gps => states.gps,
-        Constellation::Glonass => states.glonass,
-        Constellation::Galileo => states.galileo,
-        Constellation::Beidou => states.beidou,
-        Constellation::Qzss => states.qzss,
-        Constellation::Navic => states.navic,
-        Constellation::Sbas => states.sbas,
     }
 }
 

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::gnss::Constellation;
+
 /// Which `FullBiasNanos` and `BiasNanos` turn the phone's clock into GPS time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -132,6 +134,13 @@ pub struct StateRules {
 }
 
 impl StateRule {
+    /// Whether state bits pass: the code is tracked, and the time of transmission known, if need be modulo 100 ms.
+    pub const fn passes(self, state: u32) -> bool {
+        state & self.tracked != 0
+            && state & self.forbidden == 0
+            && state & (self.timed | self.timed_100_ms) != 0
+    }
+
     /// The code alone suffices: the time of transmission is believed without the bits that vouch for it.
     const fn untimed(self) -> Self {
         Self { timed: self.timed | self.tracked, ..self }
@@ -139,6 +148,19 @@ impl StateRule {
 }
 
 impl StateRules {
+    /// The rule of a system.
+    pub const fn of(&self, constellation: Constellation) -> StateRule {
+        match constellation {
+            Constellation::Gps => self.gps,
+            Constellation::Glonass => self.glonass,
+            Constellation::Galileo => self.galileo,
+            Constellation::Beidou => self.beidou,
+            Constellation::Qzss => self.qzss,
+            Constellation::Navic => self.navic,
+            Constellation::Sbas => self.sbas,
+        }
+    }
+
     /// The same rules with times of transmission believed that no bit vouches for. A wrong one gives an implausible
     /// pseudorange, which its own mask takes, or RAIM.
     #[must_use]

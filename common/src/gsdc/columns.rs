@@ -12,7 +12,7 @@ pub(super) struct Columns {
 }
 
 const REQUIRED: usize = 17;
-const OPTIONAL: usize = 7;
+const OPTIONAL: usize = 11;
 
 /// Generation of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +57,10 @@ pub(super) enum Optional {
     CarrierFrequency,
     CodeType,
     PseudorangeUncertainty,
+    State,
+    Multipath,
+    BiasUncertainty,
+    ReceivedTimeUncertainty,
 }
 
 impl Generation {
@@ -105,7 +109,9 @@ impl Generation {
 
     const fn optional(self) -> [Option<&'static str>; OPTIONAL] {
         match self {
-            Self::Derived2021 => [None, None, None, None, None, None, Some("rawPrUncM")],
+            Self::Derived2021 => {
+                [None, None, None, None, None, None, Some("rawPrUncM"), None, None, None, None]
+            }
             Self::Device2022 => [
                 Some("Cn0DbHz"),
                 Some("PseudorangeRateMetersPerSecond"),
@@ -114,6 +120,10 @@ impl Generation {
                 Some("CarrierFrequencyHz"),
                 Some("CodeType"),
                 Some("RawPseudorangeUncertaintyMeters"),
+                Some("State"),
+                Some("MultipathIndicator"),
+                Some("BiasUncertaintyNanos"),
+                Some("ReceivedSvTimeUncertaintyNanos"),
             ],
         }
     }
@@ -163,6 +173,11 @@ impl Columns {
     /// The name of a required column.
     pub(super) fn name(&self, column: Required) -> &'static str {
         self.generation.required().get(column as usize).copied().unwrap_or_default()
+    }
+
+    /// The name of an optional column.
+    pub(super) fn optional_name(&self, column: Optional) -> &'static str {
+        self.generation.optional().get(column as usize).copied().flatten().unwrap_or_default()
     }
 
     /// An optional field; empty when the file has no such column.

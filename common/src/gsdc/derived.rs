@@ -30,7 +30,8 @@ pub struct DerivedObservation {
 /// The rows of one epoch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DerivedEpoch {
-    /// Receive time, GPS time. 2021: to the millisecond.
+    /// Receive time by the phone's clock, GPS time. The tables of 2021 cut it to a millisecond; the first row's transmission and
+    /// pseudorange tell the rest.
     pub time_gps: GpsTime,
     /// One per satellite and signal, in file order.
     pub observations: Vec<DerivedObservation>,
@@ -46,16 +47,33 @@ impl DerivedEpoch {
         }
     }
 
+    /// Whether any of the observations has corrections of its own.
+    pub fn has_corrections(&self) -> bool {
+        self.observations.iter().any(|derived| derived.given.is_some())
+    }
+
     /// The observations with the table's own satellite states and corrections, in place of [`Corrector::prepare`];
-    /// [`Corrector::finish`] then sees them from a position.
+    /// [`Corrector::finish`] then sees them from a position. Observations to which the table gives none are prepared with
+    /// the corrector's products.
     pub fn prepare(&self, corrector: &mut Corrector) -> Vec<PreparedObservation> {
-        self.observations
-            .iter()
-            .filter_map(|derived| {
-                let given = derived.given.as_ref()?;
-                corrector.prepare_given(&derived.observation, derived.frequency_hz, self.time_gps, given)
-            })
-            .collect()
+        let mut others = ObservationEpoch { observations: Vec::new(), ..self.to_observations() };
+        let mut given = Vec::with_capacity(self.observations.len());
+        for DerivedObservation { observation, frequency_hz, given: corrections } in &self.observations {
+            match corrections {
+                Some(corrections) => {
+                    given.extend(corrector.prepare_given(
+                        observation,
+                        *frequency_hz,
+                        self.time_gps,
+                        corrections,
+                    ));
+                }
+                None => others.observations.push(*observation),
+            }
+        }
+        let mut prepared = corrector.pairs(given);
+        prepared.extend(corrector.prepare(&others));
+        prepared
     }
 }
 
@@ -88,6 +106,7 @@ pub struct DerivedDecoder {
     lines: Lines,
     state: Table,
     ready: VecDeque<DerivedEpoch>,
+    last: Option<DerivedEpoch>,
     skips: Skips,
 }
 
@@ -108,6 +127,11 @@ impl DerivedDecoder {
     /// The next epoch with its corrections, in time order; `None` until more bytes come.
     pub fn next_epoch(&mut self) -> Option<DerivedEpoch> {
         self.ready.pop_front()
+    }
+
+    /// The epoch of the last record, with its corrections.
+    pub const fn last_epoch(&self) -> Option<&DerivedEpoch> {
+        self.last.as_ref()
     }
 }
 
@@ -135,7 +159,7 @@ impl Table {
     }
 
     fn row(&mut self, number: u64, row: Row, skips: &mut Skips) {
-        let Row { time_gps, shift_s, derived, lack } = row;
+        let Row { time_gps, received_gps, shift_s, derived, lack } = row;
         let (satellite, signal) = (derived.observation.satellite, derived.observation.signal);
         if !self.is_in_time(time_gps) {
             return skips
@@ -146,8 +170,10 @@ impl Table {
                 format!("line {number}: {time_gps} was written {shift_s} s later")
             });
         }
-        let epoch =
-            self.open.entry(time_gps).or_insert_with(|| DerivedEpoch { time_gps, observations: Vec::new() });
+        let epoch = self
+            .open
+            .entry(time_gps)
+            .or_insert_with(|| DerivedEpoch { time_gps: received_gps, observations: Vec::new() });
         let same = |known: &DerivedObservation| {
             (known.observation.satellite, known.observation.signal) == (satellite, signal)
         };
@@ -196,7 +222,7 @@ impl Table {
 impl Decoder for DerivedDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
         self.state.check_kind()?;
-        let Self { lines, state, ready, skips } = self;
+        let Self { lines, state, ready, skips, .. } = self;
         lines.feed(bytes, skips, |number, line, skips| {
             state.line(number, line, skips);
             state.complete(false, ready);
@@ -220,7 +246,8 @@ impl Decoder for DerivedDecoder {
     }
 
     fn next_record(&mut self) -> Option<Record> {
-        self.next_epoch().map(|epoch| Record::Epoch(epoch.to_observations()))
+        self.last = self.next_epoch();
+        self.last.as_ref().map(|epoch| Record::Epoch(epoch.to_observations()))
     }
 
     fn skips(&self) -> &Skips {

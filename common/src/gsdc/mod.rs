@@ -3,17 +3,20 @@
 //!
 //! Two generations are read, told apart by the names in the header: `*_derived.csv` of 2021 and `device_gnss.csv` since
 //! 2022. Fu, Khider, van Diggelen, "Android raw GNSS measurement datasets for precise positioning", ION GNSS+ 2020, and
-//! the data descriptions of the two challenges.
+//! the data descriptions of the two challenges. By these, satellites are broadcast ones at the transmission by GPS time
+//! (received time less satellite clock), clocks contain relativity and the satellite's group delay and are added to pseudoranges,
+//! biases between signals, ionosphere (Klobuchar) and troposphere (EGNOS: Penna, Dodson, Chen 2001) are taken from them.
 
 mod columns;
 mod derived;
 mod line;
+mod masks;
 mod row;
 mod signal;
 mod truth;
 
 pub use derived::{DerivedDecoder, DerivedEpoch, DerivedFile, DerivedObservation};
-pub use truth::ground_truth;
+pub use truth::{ground_truth, is_ground_truth};
 
 /// GPS − UTC in the years of the challenges, s (since 2017-01-01).
 const LEAP_SECONDS: i64 = 18;

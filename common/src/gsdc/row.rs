@@ -2,7 +2,7 @@
 
 use super::columns::{Columns, Generation, Optional, Required};
 use super::derived::DerivedObservation;
-use super::signal;
+use super::{masks, signal};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId, SignalCode};
@@ -25,6 +25,8 @@ const MAX_DELAY_M: f64 = 500.0;
 const MAX_DOPPLER_HZ: f64 = 5e4;
 /// Epoch and arrival may differ by this much after whole seconds are taken off, s. The epoch is cut to a millisecond.
 const MAX_TAG_ERROR_S: f64 = 0.1;
+/// What the cut takes off at most, s.
+const TAG_CUT_S: f64 = 0.001;
 /// A receiver clock that is still being set may be off by this much, s.
 const MAX_TAG_SHIFT_S: f64 = 2.0;
 /// Standard deviation of orbit and clock along the line of sight, m. The files do not carry the broadcast accuracy; this is what
@@ -38,8 +40,10 @@ const MAX_NANOS: i64 = i64::MAX / 2;
 /// A row that was read.
 #[derive(Clone, Debug)]
 pub(super) struct Row {
-    /// Epoch.
+    /// Epoch as it is written, whole seconds corrected; rows belong together by it.
     pub(super) time_gps: GpsTime,
+    /// Receive time.
+    pub(super) received_gps: GpsTime,
     /// Whole seconds by which the epoch as written was off.
     pub(super) shift_s: f64,
     /// The observation.
@@ -58,8 +62,8 @@ pub(super) struct Fault {
 }
 
 /// A row's fields by column.
-struct Fields<'a> {
-    columns: &'a Columns,
+pub(super) struct Fields<'a> {
+    pub(super) columns: &'a Columns,
     fields: &'a [&'a str],
 }
 
@@ -99,8 +103,15 @@ impl Fields<'_> {
         })
     }
 
-    fn optional(&self, column: Optional) -> Option<f64> {
+    /// A number where there is one.
+    pub(super) fn optional(&self, column: Optional) -> Option<f64> {
         self.columns.optional(self.fields, column).parse().ok().filter(|value: &f64| value.is_finite())
+    }
+
+    /// A word of bits where there is one. Tools that pass through floating point write ".0".
+    pub(super) fn bits(&self, column: Optional) -> Option<u32> {
+        let text = self.columns.optional(self.fields, column);
+        text.strip_suffix(".0").unwrap_or(text).parse().ok()
     }
 }
 
@@ -112,9 +123,10 @@ fn shorten(text: &str) -> String {
 pub(super) fn read(columns: &Columns, fields: &[&str]) -> Result<Row, Fault> {
     let fields = Fields { columns, fields };
     let (satellite, signal) = names(&fields)?;
+    masks::check(&fields, satellite.constellation)?;
     let (low, high) = PSEUDORANGE_BOUNDS_M;
     let pseudorange_m = fields.number(Required::Pseudorange, (low, high))?;
-    let (time_gps, shift_s) = time(&fields, pseudorange_m)?;
+    let Times { time_gps, received_gps, shift_s } = times(&fields, pseudorange_m)?;
     let (given, lack) = match given(&fields) {
         Ok(given) => (Some(given), None),
         Err(fault) => (None, Some(fault.detail)),
@@ -125,7 +137,7 @@ pub(super) fn read(columns: &Columns, fields: &[&str]) -> Result<Row, Fault> {
         frequency_hz,
         given,
     };
-    Ok(Row { time_gps, shift_s, derived, lack })
+    Ok(Row { time_gps, received_gps, shift_s, derived, lack })
 }
 
 fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
@@ -143,16 +155,24 @@ fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
     Ok((satellite, signal))
 }
 
+struct Times {
+    time_gps: GpsTime,
+    received_gps: GpsTime,
+    shift_s: f64,
+}
+
 /// The epoch, and the whole seconds taken off. In the files of 2021 an epoch carries the time of the next one; the arrival
-/// that follows from transmission and pseudorange tells.
-fn time(fields: &Fields<'_>, pseudorange_m: f64) -> Result<(GpsTime, f64), Fault> {
+/// that follows from transmission and pseudorange tells. Of it they keep whole milliseconds, in one of which a satellite
+/// goes 4 m; the arrival has the rest.
+fn times(fields: &Fields<'_>, pseudorange_m: f64) -> Result<Times, Fault> {
     let written = match fields.columns.generation {
         Generation::Derived2021 => fields.count(Required::Time, MAX_NANOS / 1_000_000)? * 1_000_000,
         Generation::Device2022 => fields.count(Required::Time, MAX_NANOS)?,
     };
     let written = GpsTime::from_nanos(written);
     let transmission = GpsTime::from_nanos(fields.count(Required::Transmission, MAX_NANOS)?);
-    let late_s = written - (transmission + pseudorange_m / SPEED_OF_LIGHT_MPS);
+    let arrival = transmission + pseudorange_m / SPEED_OF_LIGHT_MPS;
+    let late_s = written - arrival;
     let shift_s = late_s.round();
     if shift_s.abs() > MAX_TAG_SHIFT_S || (late_s - shift_s).abs() > MAX_TAG_ERROR_S {
         return Err(Fault {
@@ -160,7 +180,11 @@ fn time(fields: &Fields<'_>, pseudorange_m: f64) -> Result<(GpsTime, f64), Fault
             detail: format!("{written} is {late_s:.3} s after the arrival"),
         });
     }
-    Ok((written - shift_s, shift_s))
+    let time_gps = written - shift_s;
+    let is_cut = (0.0..TAG_CUT_S).contains(&(arrival - time_gps));
+    let received_gps =
+        if is_cut && fields.columns.generation == Generation::Derived2021 { arrival } else { time_gps };
+    Ok(Times { time_gps, received_gps, shift_s })
 }
 
 fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
@@ -187,8 +211,8 @@ fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
         clock_m: fields.symmetric(ClockBias, MAX_CLOCK_M)?,
         clock_drift_mps: fields.symmetric(ClockDrift, MAX_DRIFT_MPS)?,
         receiver_bias_m: fields.symmetric(ReceiverBias, PSEUDORANGE_BOUNDS_M.0)?,
-        atmosphere_m: fields.symmetric(Ionosphere, MAX_DELAY_M)?
-            + fields.symmetric(Troposphere, MAX_DELAY_M)?,
+        ionosphere_m: fields.symmetric(Ionosphere, MAX_DELAY_M)?,
+        troposphere_m: fields.symmetric(Troposphere, MAX_DELAY_M)?,
         sigma_m: ORBIT_SIGMA_M,
         code_sigma_m: fields
             .optional(Optional::PseudorangeUncertainty)
@@ -238,8 +262,7 @@ struct DeltaRangeState {
 
 /// Android `GnssMeasurement.ADR_STATE_*`: 1 valid, 2 reset, 4 cycle slip, 8 half cycle resolved, 16 half cycle reported.
 fn delta_range_state(fields: &Fields<'_>) -> DeltaRangeState {
-    let text = fields.columns.optional(fields.fields, Optional::DeltaRangeState);
-    let bits: u32 = text.strip_suffix(".0").unwrap_or(text).parse().unwrap_or(0);
+    let bits = fields.bits(Optional::DeltaRangeState).unwrap_or(0);
     let valid = bits & 1 != 0;
     DeltaRangeState {
         valid,

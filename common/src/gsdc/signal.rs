@@ -22,7 +22,8 @@ pub(super) fn satellite(constellation: &str, number: &str) -> Option<SatelliteId
 }
 
 /// The signal of a name such as `GPS_L1`, `GAL_E5A`, `BDS_B1I` (2021) or `GPS_L5_Q`, `GAL_E1_C_P`, `BDS_B1_I` (since 2022).
-/// `code_type` is Android's code letter, which is RINEX's attribute; without one, that which phones most often track.
+/// `code_type` is Android's code letter, which is RINEX's attribute; without one, the letter at the name's end, or that which
+/// phones most often track. (The last letter of `GAL_E1_C_P` says pilot, not P code.)
 pub(super) fn signal(constellation: Constellation, name: &str, code_type: &str) -> Option<SignalCode> {
     let band_name: String = name.split('_').skip(1).collect();
     let (band, usual) = match constellation {
@@ -43,8 +44,10 @@ pub(super) fn signal(constellation: Constellation, name: &str, code_type: &str) 
         Constellation::Navic if band_name.starts_with("L5") => (b'5', b'A'),
         _ => return None,
     };
-    let attribute = match code_type.as_bytes() {
-        [letter @ b'A'..=b'Z'] => *letter,
+    let last = name.rsplit('_').next().unwrap_or_default();
+    let attribute = match (code_type.as_bytes(), last.as_bytes()) {
+        ([letter @ b'A'..=b'Z'], _) => *letter,
+        (_, [letter @ b'A'..=b'Z']) if band != b'1' => *letter,
         _ => usual,
     };
     Some(SignalCode::new(band, attribute))
@@ -67,6 +70,11 @@ mod tests {
         assert_eq!(known(Constellation::Beidou, "BDS_B1C", ""), "1X");
         assert_eq!(known(Constellation::Beidou, "BDS_B2A_P", "P"), "5P");
         assert_eq!(known(Constellation::Qzss, "QZS_J5", ""), "5X");
+        assert_eq!(known(Constellation::Qzss, "QZS_L5_Q", ""), "5Q");
+        assert_eq!(known(Constellation::Gps, "GPS_L5_Q", ""), "5Q");
+        assert_eq!(known(Constellation::Galileo, "GAL_E5A_Q", ""), "5Q");
+        assert_eq!(known(Constellation::Galileo, "GAL_E1_C_P", ""), "1C");
+        assert_eq!(known(Constellation::Beidou, "BDS_B1_I", ""), "2I");
         assert_eq!(known(Constellation::Glonass, "GLO_G1_CA", "C"), "1C");
         assert_eq!(signal(Constellation::Gps, "GAL_E1", ""), None);
         assert_eq!(signal(Constellation::Gps, "", ""), None);

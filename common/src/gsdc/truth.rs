@@ -50,6 +50,15 @@ const GENERATIONS: [Generation; 2] = [
     },
 ];
 
+/// Whether a table's first line names most of the columns of a challenge's ground truth.
+pub fn is_ground_truth(bytes: &[u8]) -> bool {
+    let header = bytes.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let header = fields(header);
+    let found =
+        |generation: &Generation| generation.names.iter().filter(|name| header.contains(name)).count();
+    GENERATIONS.iter().any(|generation| 2 * found(generation) > generation.names.len())
+}
+
 /// Reads a `ground_truth.csv` of 2021 or since 2022. Heights of 2021 are corrected by the documented 61 m and still good to
 /// some metres only; a missing height (2022) counts as zero. Every row has quality 1.
 ///

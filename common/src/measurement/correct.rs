@@ -3,7 +3,8 @@
 
 use std::sync::Arc;
 
-use super::given::Stated;
+use super::given::GivenCorrections;
+use super::pair::{Ionosphere, Second};
 use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
 use crate::atmosphere::{STANDARD_RELATIVE_HUMIDITY, saastamoinen_delay_m};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
@@ -18,6 +19,11 @@ use crate::time::GpsTime;
 pub struct CorrectionOptions {
     /// Satellites below this elevation are not used, rad.
     pub elevation_mask_rad: f64,
+    /// The same for satellites whose delays came with the recording, rad. The other mask is there above all for our models,
+    /// which end near the horizon: 3° above it our troposphere is 12 m longer than the one that challenge tables state.
+    pub stated_elevation_mask_rad: f64,
+    /// What is done about the ionosphere.
+    pub ionosphere: Ionosphere,
     /// Signals weaker than this are not used, dB-Hz.
     pub minimum_cn0_dbhz: f64,
     /// Variances of code and Doppler.
@@ -38,23 +44,14 @@ impl Default for CorrectionOptions {
     fn default() -> Self {
         Self {
             elevation_mask_rad: 7.5_f64.to_radians(),
+            stated_elevation_mask_rad: 0.0,
+            ionosphere: Ionosphere::default(),
             minimum_cn0_dbhz: 15.0,
             stochastic: StochasticModel::default(),
             unknown_group_delay_sigma_m: 2.0,
             beidou_bias_sigma_m: 2.0,
             glonass_bias_sigma_m: 3.0,
             relative_humidity: STANDARD_RELATIVE_HUMIDITY,
-        }
-    }
-}
-
-impl CorrectionOptions {
-    /// Standard deviation of what a system's signals differ by among themselves, m.
-    const fn system_bias_sigma_m(&self, constellation: Constellation) -> f64 {
-        match constellation {
-            Constellation::Beidou => self.beidou_bias_sigma_m,
-            Constellation::Glonass => self.glonass_bias_sigma_m,
-            _ => 0.0,
         }
     }
 }
@@ -78,9 +75,14 @@ pub struct PreparedObservation {
     /// Satellite at transmission, in the Earth-fixed frame of the transmission.
     pub(super) position: Ecef,
     pub(super) velocity: EcefVector,
-    pub(super) extra_variance_m2: f64,
+    /// Variance of what all signals of the satellite share, m².
+    pub(super) satellite_variance_m2: f64,
+    /// Variance of what this signal has alone, beside its noise, m².
+    pub(super) signal_variance_m2: f64,
     /// What the recording itself states.
-    pub(super) stated: Option<Stated>,
+    pub(super) stated: Option<GivenCorrections>,
+    /// Of an ionosphere-free pair: the other signal.
+    pub(super) second: Option<Second>,
 }
 
 impl Corrector {
@@ -119,7 +121,12 @@ impl Corrector {
             };
             prepared.push(self.combine(observation, frequency_hz, pseudorange_m, &state));
         }
-        prepared
+        self.pairs(prepared)
+    }
+
+    /// The ionosphere-free pairs of prepared signals, if the options want them.
+    pub(crate) fn pairs(&mut self, prepared: Vec<PreparedObservation>) -> Vec<PreparedObservation> {
+        self.options.ionosphere.combine(prepared, &mut self.skips)
     }
 
     /// The carrier; of GLONASS by the channel in the navigation messages.
@@ -140,9 +147,16 @@ impl Corrector {
         weak
     }
 
-    /// What a system's clocks and group delays add to the variance, m².
-    pub(super) fn system_variance_m2(&self, observation: &Observation) -> f64 {
-        self.options.system_bias_sigma_m(observation.satellite.constellation).powi(2)
+    /// What BeiDou's clocks and group delays add to the variance, m².
+    pub(super) fn beidou_variance_m2(&self, observation: &Observation) -> f64 {
+        let is_beidou = observation.satellite.constellation == Constellation::Beidou;
+        if is_beidou { self.options.beidou_bias_sigma_m.powi(2) } else { 0.0 }
+    }
+
+    /// What GLONASS' frequency channels add to the variance, m².
+    pub(super) fn glonass_variance_m2(&self, observation: &Observation) -> f64 {
+        let is_glonass = observation.satellite.constellation == Constellation::Glonass;
+        if is_glonass { self.options.glonass_bias_sigma_m.powi(2) } else { 0.0 }
     }
 
     /// The satellite's state at transmission: t_tx = t_rx − P/c − dT_s.
@@ -200,10 +214,11 @@ impl Corrector {
                 .map(|doppler| -wavelength_m * doppler + SPEED_OF_LIGHT_MPS * state.clock_drift_sps),
             position: state.position,
             velocity: state.velocity,
-            extra_variance_m2: state.sigma_m.powi(2)
-                + self.system_variance_m2(observation)
+            satellite_variance_m2: state.sigma_m.powi(2) + self.beidou_variance_m2(observation),
+            signal_variance_m2: self.glonass_variance_m2(observation)
                 + if group_delay_m.is_none() { unknown_m * unknown_m } else { 0.0 },
             stated: None,
+            second: None,
         }
     }
 
@@ -220,7 +235,11 @@ impl Corrector {
         let mut corrected = Vec::with_capacity(prepared.len());
         for observation in prepared {
             let seen = view.see(observation);
-            if seen.direction.elevation_rad < self.options.elevation_mask_rad {
+            let mask_rad = match observation.stated {
+                Some(_) => self.options.stated_elevation_mask_rad,
+                None => self.options.elevation_mask_rad,
+            };
+            if seen.direction.elevation_rad < mask_rad {
                 masked.add("elevation below the mask", || {
                     format!("{} at {time_gps}", observation.observation.satellite)
                 });
@@ -290,7 +309,7 @@ impl Rotated {
     ) -> CorrectedObservation {
         CorrectedObservation {
             satellite: prepared.observation.satellite,
-            signal: prepared.observation.signal,
+            signal: prepared.second.map_or(prepared.observation.signal, |second| second.pair),
             pseudorange_m,
             pseudorange_sigma_m,
             range_rate: prepared
@@ -331,16 +350,20 @@ impl View {
         skips: &mut Skips,
     ) -> CorrectedObservation {
         let (ionosphere_m, troposphere_m) = match prepared.stated {
-            Some(stated) => (stated.atmosphere_m, 0.0),
+            Some(stated) => (stated.ionosphere_m, stated.troposphere_m),
             None => self.atmosphere_m(prepared, seen.direction, products, skips),
         };
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
-        let StochasticModel { code, rate } = self.options.stochastic;
-        let stated_sigma_m = prepared.stated.and_then(|s| s.code_sigma_m).filter(|_| cn0_dbhz.is_none());
-        let code_m2 = stated_sigma_m
-            .map_or_else(|| code.variance(cn0_dbhz, elevation_rad), |sigma_m| sigma_m * sigma_m);
-        let variance = code_m2 + prepared.extra_variance_m2;
+        let stated_sigma_m = prepared.stated.and_then(|stated| stated.code_sigma_m);
+        let signal_m2 =
+            self.code_variance_m2(cn0_dbhz, stated_sigma_m, elevation_rad) + prepared.signal_variance_m2;
+        let signals_m2 = prepared.second.map_or(signal_m2, |second| {
+            let noise_m2 = self.code_variance_m2(second.cn0_dbhz, second.code_sigma_m, elevation_rad);
+            second.variance_m2(signal_m2, noise_m2)
+        });
+        let variance = prepared.satellite_variance_m2 + signals_m2;
+        let rate = self.options.stochastic.rate;
         seen.rotated.observation(
             prepared,
             seen.direction,
@@ -348,6 +371,17 @@ impl View {
             variance.sqrt(),
             rate.variance(cn0_dbhz, elevation_rad).sqrt(),
         )
+    }
+
+    /// Variance of a code by the model, or by what the recording states where there is no C/N0 for the model, m².
+    fn code_variance_m2(
+        &self,
+        cn0_dbhz: Option<f64>,
+        stated_sigma_m: Option<f64>,
+        elevation_rad: f64,
+    ) -> f64 {
+        let model = || self.options.stochastic.code.variance(cn0_dbhz, elevation_rad);
+        stated_sigma_m.filter(|_| cn0_dbhz.is_none()).map_or_else(model, |sigma_m| sigma_m * sigma_m)
     }
 
     /// Ionospheric and tropospheric delay by the models, m.
@@ -359,9 +393,12 @@ impl View {
         skips: &mut Skips,
     ) -> (f64, f64) {
         let geodetic = self.frame.geodetic();
+        let troposphere_m = saastamoinen_delay_m(geodetic, direction, self.options.relative_humidity);
+        if prepared.second.is_some() {
+            return (0.0, troposphere_m);
+        }
         let (time, frequency_hz) = (self.time_gps, prepared.frequency_hz);
         let sight = LineOfSight { receiver: geodetic, direction, time, frequency_hz };
-        let ionosphere_m = products.ionosphere_delay_m(&sight, skips);
-        (ionosphere_m, saastamoinen_delay_m(geodetic, direction, self.options.relative_humidity))
+        (products.ionosphere_delay_m(&sight, skips), troposphere_m)
     }
 }

@@ -6,15 +6,6 @@ use crate::frames::{Ecef, EcefVector};
 use crate::gnss::Observation;
 use crate::time::GpsTime;
 
-/// Values of a recording that replace those of models.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Stated {
-    /// Ionosphere and troposphere together, m.
-    pub(super) atmosphere_m: f64,
-    /// Standard deviation of the code, m; used where there is no C/N0 to judge it by.
-    pub(super) code_sigma_m: Option<f64>,
-}
-
 /// Satellite state and corrections that came with a recording, in place of those from products.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GivenCorrections {
@@ -28,8 +19,10 @@ pub struct GivenCorrections {
     pub clock_drift_mps: f64,
     /// Receiver bias between signals, m; taken from the pseudorange.
     pub receiver_bias_m: f64,
-    /// Ionospheric and tropospheric delay of this signal together, m.
-    pub atmosphere_m: f64,
+    /// Ionospheric delay of this signal, m.
+    pub ionosphere_m: f64,
+    /// Tropospheric delay, m.
+    pub troposphere_m: f64,
     /// Standard deviation of orbit and clock together along the line of sight, m.
     pub sigma_m: f64,
     /// The receiver's own standard deviation of the pseudorange, m. It stands in for the stochastic model, which has nothing
@@ -60,8 +53,10 @@ impl Corrector {
             range_rate_mps: observation.doppler_hz.and_then(range_rate),
             position: given.satellite_position,
             velocity: given.satellite_velocity,
-            extra_variance_m2: given.sigma_m.powi(2) + self.system_variance_m2(observation),
-            stated: Some(Stated { atmosphere_m: given.atmosphere_m, code_sigma_m: given.code_sigma_m }),
+            satellite_variance_m2: given.sigma_m.powi(2) + self.beidou_variance_m2(observation),
+            signal_variance_m2: self.glonass_variance_m2(observation),
+            stated: Some(*given),
+            second: None,
         })
     }
 }

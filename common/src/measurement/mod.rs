@@ -2,12 +2,14 @@
 
 mod correct;
 mod given;
+mod pair;
 #[cfg(test)]
 pub(crate) mod sky;
 mod stochastic;
 
 pub use correct::{CorrectionOptions, Corrector, PreparedObservation, without_position};
 pub use given::GivenCorrections;
+pub use pair::Ionosphere;
 pub use stochastic::{StochasticModel, VarianceModel};
 
 use serde::{Deserialize, Serialize};

@@ -248,7 +248,9 @@ impl EpochMessage {
 
 fn check_observation(o: &CorrectedObservation) -> Result<(), Implausible> {
     within("satellite number", f64::from(o.satellite.number), 1.0..=99.0)?;
-    within("signal band", f64::from(o.signal.band), f64::from(b'1')..=f64::from(b'9'))?;
+    if o.signal.bands_of_pair().is_none() {
+        within("signal band", f64::from(o.signal.band), f64::from(b'1')..=f64::from(b'9'))?;
+    }
     within("signal attribute", f64::from(o.signal.attribute), f64::from(b'A')..=f64::from(b'Z'))?;
     within("corrected pseudorange (m)", o.pseudorange_m, PSEUDORANGE_M)?;
     within("pseudorange sigma (m)", o.pseudorange_sigma_m, SIGMA)?;

@@ -1,4 +1,5 @@
 use cofix_common::constraint::Constraint;
+use cofix_common::measurement::Ionosphere;
 use cofix_common::time::GpsTime;
 
 use super::*;
@@ -80,11 +81,27 @@ fn constraints_are_expanded_to_pairs_and_phones() {
 }
 
 #[test]
+fn corrections_are_chosen_by_phone_and_session() {
+    let text = "group = 'g'\n[[phone]]\nname = 'a'\nrecorded_corrections = true\n[[phone]]\nname = 'b'\n\
+                [correction]\nionosphere = 'pair-only'";
+    let session = parse(text).unwrap();
+    assert_eq!(session.ionosphere, Ionosphere::PairOnly);
+    assert_eq!(
+        session.phones.iter().map(|phone| phone.recorded_corrections).collect::<Vec<_>>(),
+        [true, false]
+    );
+    let refused = refusal("group = 'g'\n[[phone]]\nname = 'a'\n[correction]\nionosphere = 'none'");
+    assert!(refused.contains("pair-only"), "{refused}");
+}
+
+#[test]
 fn a_minimal_file_has_defaults() {
     let session = parse("group = 'g'\n[[phone]]\nname = 'a'\n[filter]\npreset = 'peng2023'").unwrap();
     assert_eq!(session.truth_quality, [1]);
     assert_eq!(session.products, ProductFiles::default());
     assert_eq!(session.preset, Preset::Peng2023);
+    assert_eq!(session.ionosphere, Ionosphere::Model);
+    assert!(!session.phones[0].recorded_corrections);
     assert!(session.constraints.is_empty());
 }
 

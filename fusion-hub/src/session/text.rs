@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use cofix_common::measurement::Ionosphere;
 use serde::Deserialize;
 
 #[derive(Debug, Deserialize)]
@@ -18,6 +19,8 @@ pub(super) struct SessionFile {
     pub evaluation: EvaluationTable,
     #[serde(default)]
     pub filter: FilterTable,
+    #[serde(default)]
+    pub correction: CorrectionTable,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -41,6 +44,8 @@ pub(super) struct PhoneEntry {
     pub name: String,
     pub observations: Option<PathBuf>,
     pub truth: Option<PathBuf>,
+    #[serde(default)]
+    pub recorded_corrections: bool,
 }
 
 /// All keys of all kinds; [`super::rules`] says which belong to which.
@@ -88,6 +93,13 @@ fn fixed_only() -> Vec<u8> {
 pub(super) struct FilterTable {
     #[serde(default)]
     pub preset: Preset,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CorrectionTable {
+    #[serde(default)]
+    pub ionosphere: Ionosphere,
 }
 
 /// Settings of the filter that have a name.

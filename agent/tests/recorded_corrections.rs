@@ -1,0 +1,128 @@
+//! A challenge's table with its own satellite states and delays, and nothing else, through the agent's pipeline.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
+use cofix_agent::source::{open_file, survey};
+use cofix_agent::{Source, Stop};
+use cofix_common::accuracy::{Accuracy, Solution, Truth, score};
+use cofix_common::decode::Record;
+use cofix_common::gsdc::ground_truth;
+use cofix_common::orbit::Products;
+use cofix_common::rinex::NavigationFile;
+use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+
+const HEADER: &str = "millisSinceGpsEpoch,constellationType,svid,signalType,receivedSvTimeInGpsNanos,xSatPosM,ySatPosM,\
+    zSatPosM,xSatVelMps,ySatVelMps,zSatVelMps,satClkBiasM,satClkDriftMps,rawPrM,rawPrUncM,isrbM,ionoDelayM,tropoDelayM\n";
+
+/// A file that goes when the value does.
+fn file(bytes: &[u8]) -> tempfile::NamedTempFile {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), bytes).unwrap();
+    file
+}
+
+#[test]
+fn a_table_needs_no_products_and_a_bare_one_does() {
+    let row = |orbit: &str| {
+        format!(
+            "1273529463442,1,5,GPS_L1,1273529463365539137,{orbit},-3793.067,-0.001,23052313.867,4.197,0,7,5\n"
+        )
+    };
+    let whole =
+        file(format!("{HEADER}{}", row("-2179862.557,-26154875.769,-3437694.371,325,-419,3129")).as_bytes());
+    let bare = file(format!("{HEADER}{}", row(",,,,,")).as_bytes());
+    let has = |path: PathBuf| survey(&Source::File(path), None, &Stop::default()).unwrap().has_corrections;
+    assert!(has(whole.path().to_owned()));
+    assert!(!has(bare.path().to_owned()));
+}
+
+fn shared(path: &str) -> Option<Vec<u8>> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/gsdc-2020-05-14-mtv1");
+    let path = PathBuf::from(folder).join(path);
+    let bytes = std::fs::read(&path).ok();
+    if bytes.is_none() {
+        println!("skipped: {} is not here", path.display());
+    }
+    bytes
+}
+
+/// The table, which is kept in parts with a header each.
+fn table() -> Option<Vec<u8>> {
+    let mut whole = Vec::new();
+    for part in 0..18 {
+        let bytes = shared(&format!("Pixel4_processed/{part}.csv"))?;
+        let header = if part == 0 { 0 } else { bytes.iter().position(|b| *b == b'\n').unwrap() + 1 };
+        whole.extend_from_slice(&bytes[header..]);
+    }
+    Some(whole)
+}
+
+struct Drive {
+    span: (GpsTime, GpsTime),
+    wls: Vec<Solution>,
+    local: Vec<Solution>,
+    skips: Skips,
+}
+
+/// Runs the pipeline over a table, with its own corrections or with products.
+fn drive(table: &tempfile::NamedTempFile, products: Products, recorded: bool) -> Drive {
+    let mut pipeline = PhonePipeline::new("pixel4", Arc::new(products), PipelineOptions::default());
+    let mut records = open_file(table.path(), None).unwrap();
+    let (mut wls, mut local, mut times) = (Vec::new(), Vec::new(), Vec::new());
+    while let Some(record) = records.next(&Stop::default()).unwrap() {
+        let Record::Epoch(epoch) = record else { continue };
+        let message = if recorded {
+            pipeline.process_recorded(records.decoder().recorded_corrections().unwrap())
+        } else {
+            pipeline.process(&epoch)
+        };
+        let time_gps = message.time_gps;
+        assert_eq!(time_gps, epoch.time_gps);
+        times.push(time_gps);
+        wls.extend(message.wls.map(|solution| Solution {
+            time_gps,
+            position: solution.position,
+            covariance: solution.position_covariance,
+        }));
+        local.extend(message.local.map(|state| Solution {
+            time_gps,
+            position: state.position(),
+            covariance: state.covariance.fixed_view::<3, 3>(0, 0).into_owned(),
+        }));
+    }
+    Drive { span: (times[0], times[times.len() - 1]), wls, local, skips: pipeline.skips() }
+}
+
+/// p50 and p95 of the horizontal error, m.
+fn percentiles(truth: &Truth, drive: &Drive, solutions: &[Solution]) -> (f64, f64) {
+    let Accuracy { epochs, horizontal_p50_m, horizontal_p95_m, .. } =
+        score(truth, &[1], drive.span, solutions).unwrap();
+    assert!(epochs >= 1_735, "{epochs} epochs");
+    (horizontal_p50_m, horizontal_p95_m)
+}
+
+/// The table has neither C/N0 nor Doppler, so the filter has to go by code alone, and by the phone's own uncertainties.
+#[test]
+fn a_drive_on_nothing_but_its_table() {
+    let (Some(table), Some(truth), Some(navigation)) =
+        (table(), shared("Pixel4_ground_truth.csv"), shared("hour1350.20n"))
+    else {
+        return;
+    };
+    let (truth, _) = ground_truth(&truth).unwrap();
+    let table = file(&table);
+    let own = drive(&table, Products::default(), true);
+    let (wls, local) = (percentiles(&truth, &own, &own.wls), percentiles(&truth, &own, &own.local));
+    println!("its own corrections: wls {wls:.3?}, local {local:.3?}; {}", own.skips);
+    assert!(wls.0 <= 2.5 && wls.1 <= 7.5, "{wls:?}");
+    assert!(local.0 <= 2.5 && local.1 <= 7.5, "{local:?}");
+    let products = Products::new(Vec::new(), vec![NavigationFile::parse(&navigation).unwrap()]);
+    let other = drive(&table, products, false);
+    let (wls, local) = (percentiles(&truth, &other, &other.wls), percentiles(&truth, &other, &other.local));
+    println!("our corrections: wls {wls:.3?}, local {local:.3?}; {}", other.skips);
+}
