@@ -27,6 +27,21 @@ const MAX_AGE_S: f64 = 1_800.0;
 /// Longest integration, s: beyond it the state has no meaning, and an absurd time must not cost minutes.
 const MAX_INTEGRATION_S: f64 = 86_400.0;
 
+/// Distance from the Earth's centre that a message may state, m: all satellites are near 25 510 km.
+pub(crate) const RADIUS_BOUNDS_M: (f64, f64) = (2.4e7, 2.7e7);
+/// Speed in the rotating frame that a message may state, m/s.
+pub(crate) const SPEED_BOUNDS_MPS: (f64, f64) = (1e3, 6e3);
+/// Accuracy where a message does not tell, m.
+const USUAL_ACCURACY_M: f64 = 5.0;
+/// Standard deviation by the accuracy factor F_T, m (ICD table 4.4).
+const ACCURACY_M: [f64; 15] =
+    [1.0, 2.0, 2.5, 4.0, 5.0, 7.0, 10.0, 12.0, 14.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0];
+
+/// Standard deviation of orbit and clock together by the accuracy factor F_T, m; of no factor, the usual one.
+pub(crate) fn accuracy_m(factor: Option<u8>) -> f64 {
+    factor.and_then(|factor| ACCURACY_M.get(usize::from(factor))).copied().unwrap_or(USUAL_ACCURACY_M)
+}
+
 /// One GLONASS broadcast ephemeris.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GlonassEphemeris {

@@ -10,6 +10,7 @@ mod sp3;
 
 pub use broadcast::is_healthy;
 pub use glonass::GlonassEphemeris;
+pub(crate) use glonass::{RADIUS_BOUNDS_M, SPEED_BOUNDS_MPS, accuracy_m};
 pub use kepler::{KeplerEphemeris, NavigationMessage};
 pub use precise::{MAX_NODES, MIN_NODES};
 pub use products::Products;

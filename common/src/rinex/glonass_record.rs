@@ -3,25 +3,16 @@
 use super::leap_seconds_at;
 use super::navigation_record::{Fault, Record};
 use crate::frames::{Ecef, EcefVector};
-use crate::orbit::GlonassEphemeris;
+use crate::orbit::{GlonassEphemeris, RADIUS_BOUNDS_M, SPEED_BOUNDS_MPS, accuracy_m};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
-/// Distance from the Earth's centre, m: all satellites are near 25 510 km.
-const RADIUS_BOUNDS_M: (f64, f64) = (2.4e7, 2.7e7);
-/// Speed in the rotating frame, m/s.
-const SPEED_BOUNDS_MPS: (f64, f64) = (1e3, 6e3);
 /// Reference times are multiples of this, s of the UTC day.
 const REFERENCE_GRID_S: f64 = 900.0;
 /// A reference time farther than this from the grid is damaged, s; some writers add or forget the leap seconds.
 const OFF_GRID_S: f64 = 60.0;
 /// Larger L1-L2 delays (s) cannot be broadcast; RINEX 3.05 writes .999999999999e+09 for "missing".
 const MAX_L2_DELAY_S: f64 = 1e-6;
-/// Accuracy where the file does not tell, m.
-const USUAL_ACCURACY_M: f64 = 5.0;
-/// Standard deviation by the accuracy factor F_T, m (ICD table 4.4).
-const ACCURACY_M: [f64; 15] =
-    [1.0, 2.0, 2.5, 4.0, 5.0, 7.0, 10.0, 12.0, 14.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0];
 
 /// Position and velocity or acceleration components are at these places, x first.
 const POSITION: [usize; 3] = [3, 7, 11];
@@ -60,7 +51,7 @@ pub(super) fn glonass_ephemeris(
         health,
         health_flags: small(record, 18),
         age_days: record.value(14).unwrap_or(0.0),
-        accuracy_m: accuracy(record),
+        accuracy_m: accuracy_m(small(record, 17)),
     })
 }
 
@@ -81,13 +72,6 @@ fn channel(record: &Record) -> Result<i8, Fault> {
     check("frequency channel", channel, (-7.0, 13.0))?;
     #[allow(clippy::cast_possible_truncation)] // within −7 to 13
     Ok(channel.round() as i8)
-}
-
-fn accuracy(record: &Record) -> f64 {
-    small(record, 17)
-        .and_then(|factor| ACCURACY_M.get(usize::from(factor)))
-        .copied()
-        .unwrap_or(USUAL_ACCURACY_M)
 }
 
 /// A whole number from 0 to 255; `None` where it is missing or another.
