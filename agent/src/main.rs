@@ -8,6 +8,7 @@ use std::time::Duration;
 use clap::{Args, Parser, Subcommand};
 use cofix_agent::convert::Outputs;
 use cofix_agent::input::LiveSource;
+use cofix_agent::input::ntrip::{self, Caster};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
@@ -31,6 +32,14 @@ enum Command {
     Inspect(Inspect),
     /// Writes recordings of any format as RINEX 3.05
     Convert(Convert),
+    /// Lists the streams of an NTRIP caster
+    Sourcetable(Sourcetable),
+}
+
+#[derive(Debug, Args)]
+struct Sourcetable {
+    /// ntrip://HOST:PORT, or with an account ntrip://USER:PASSWORD@HOST:PORT
+    caster: Caster,
 }
 
 #[derive(Debug, Args)]
@@ -72,7 +81,7 @@ struct Publish {
     #[arg(long)]
     phone: String,
     /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz too), or a live source: '-' for
-    /// standard input, tcp://HOST:PORT for a server that sends bytes
+    /// standard input, tcp://HOST:PORT for a server that sends bytes, ntrip://USER:PASSWORD@HOST:PORT/MOUNT for a stream of a caster
     #[arg(long, value_name = "SOURCE", required_unless_present = "follow")]
     observations: Option<String>,
     /// File that is being written, read as it grows
@@ -121,6 +130,9 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
     match (arguments.command, arguments.publish) {
         (Some(Command::Inspect(arguments)), _) => inspect(&arguments),
         (Some(Command::Convert(arguments)), _) => convert(arguments),
+        (Some(Command::Sourcetable(arguments)), _) => {
+            print(&ntrip::sourcetable(&arguments.caster, &Stop::default())?.to_string())
+        }
         (None, Some(publish)) => start(publish.config()?),
         (None, None) => anyhow::bail!("nothing to do; see --help"),
     }
@@ -144,13 +156,17 @@ fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
     } else {
         inspections.iter().map(ToString::to_string).collect()
     };
-    match std::io::stdout().write_all(text.as_bytes()) {
-        // Whoever reads may have had enough.
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => return Err(error.into()),
-        _ => {}
-    }
+    print(&text)?;
     anyhow::ensure!(failed == 0, "{failed} of {} files cannot be used", arguments.files.len());
     Ok(())
+}
+
+fn print(text: &str) -> anyhow::Result<()> {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        // Whoever reads may have had enough.
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
 }
 
 fn convert(arguments: Convert) -> anyhow::Result<()> {
@@ -186,7 +202,7 @@ impl Publish {
             }
             (None, name) => name.as_deref().unwrap_or_default(),
         };
-        if name == "-" || name.starts_with("tcp://") {
+        if LiveSource::is_named_by(name) {
             return Ok(Source::Live { from: name.parse()?, near: self.date });
         }
         Ok(match self.date {
