@@ -1,12 +1,14 @@
 //! From raw to corrected observations: masks, corrections, stochastic models.
 
 mod correct;
+mod differential;
 mod given;
 #[cfg(test)]
 pub(crate) mod sky;
 mod stochastic;
 
 pub use correct::{CorrectionOptions, Corrector, PreparedObservation, without_position};
+pub use differential::{Applied, Differential, DifferentialCounts, DifferentialOptions, Uncorrected};
 pub use given::GivenCorrections;
 pub use stochastic::{StochasticModel, VarianceModel};
 
