@@ -7,11 +7,14 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 use cofix_agent::convert::Outputs;
+use cofix_agent::corrections::base_position;
 use cofix_agent::input::LiveSource;
 use cofix_agent::input::ntrip::{self, Caster};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::signals::run_until_asked_to_end;
-use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
+use cofix_agent::{AgentConfig, CorrectionSource, Corrections, ProductSource, Source, Speed, Stop};
+use cofix_common::frames::Ecef;
+use cofix_common::measurement::{DifferentialCounts, DifferentialOptions};
 use cofix_common::time::GpsTime;
 
 /// Runs beside one phone: reads its observations and publishes corrected measurements, local state and integrity verdict
@@ -97,6 +100,16 @@ struct Publish {
     /// RINEX navigation file (.gz too): orbits, group delays, Klobuchar; may be repeated
     #[arg(long, value_name = "FILE")]
     navigation: Vec<PathBuf>,
+    /// Corrections: a recorded file, tcp://HOST:PORT or ntrip://USER:PASSWORD@HOST:PORT/MOUNT. Its ephemerides are used, and, when it
+    /// carries the observations of a base station, pseudoranges are corrected by them; may be repeated
+    #[arg(long, value_name = "SOURCE")]
+    corrections: Vec<CorrectionSource>,
+    /// The base station's antenna, ECEF in metres and in the frame of the orbits (WGS-84, ITRF), in place of what its stream states
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = base_position, requires = "corrections")]
+    base_position: Option<Ecef>,
+    /// Corrections older than this are not used, seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=3_600))]
+    corrections_age: u64,
     /// Zenoh endpoint of the hub; may be repeated
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     connect: Vec<String>,
@@ -187,6 +200,14 @@ impl Publish {
             group: self.group,
             phone: self.phone,
             products: ProductSource::Files { sp3: self.sp3, navigation: self.navigation },
+            corrections: Corrections {
+                sources: self.corrections,
+                base_position: self.base_position,
+                options: DifferentialOptions {
+                    maximum_age_s: self.corrections_age as f64,
+                    ..DifferentialOptions::default()
+                },
+            },
             connect: self.connect,
             speed: self.speed,
             pipeline: PipelineOptions::default(),
@@ -217,6 +238,13 @@ fn start(config: AgentConfig) -> anyhow::Result<()> {
     let report = run_until_asked_to_end(move |stop| Ok(cofix_agent::run(&config, stop)?))?;
     for (reason, skip) in report.skips.iter() {
         tracing::warn!("skipped {} × {reason}, first: {}", skip.count, skip.first);
+    }
+    let DifferentialCounts { corrected, other_code, missing, too_old, refused } = report.corrections;
+    if report.corrections != DifferentialCounts::default() {
+        tracing::info!(
+            "{phone}: {corrected} observations corrected by a base, {other_code} by another code, {missing} without a correction, \
+             {too_old} too late for one, {refused} refused"
+        );
     }
     let how = if report.stopped { "stopped" } else { "finished" };
     tracing::info!("{phone}: {how} after {} epochs", report.epochs_published);

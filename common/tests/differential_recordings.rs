@@ -123,6 +123,21 @@ fn errors(name: &str, solved: &Solved, truth: impl Fn(GpsTime) -> Option<Ecef>) 
         vertical.push(error.up.abs());
         square += error.vector().norm_squared();
     }
+    let mut e: Vec<_> = solved
+        .positions
+        .iter()
+        .filter_map(|(t, p)| truth(*t).map(|tr| LocalFrame::at(tr).ecef_to_enu(*p)))
+        .collect();
+    let med = |v: &mut Vec<f64>| {
+        v.sort_by(f64::total_cmp);
+        v[v.len() / 2]
+    };
+    println!(
+        "   median ENU {:.2} {:.2} {:.2}",
+        med(&mut e.iter().map(|x| x.east).collect()),
+        med(&mut e.iter().map(|x| x.north).collect()),
+        med(&mut e.iter_mut().map(|x| x.up).collect())
+    );
     let rms_m = (square / horizontal.len() as f64).sqrt();
     let percentiles = |values: &mut Vec<f64>| {
         values.sort_by(f64::total_cmp);
@@ -245,11 +260,20 @@ fn a_phone_and_a_base_at_some_distance() {
             products: products.clone(),
             rover: Vec::clone(&rover),
             base: base.clone(),
-            base_position: Ecef::new(-2_703_115.266, -4_291_768.344, 3_854_247.955),
+            base_position: Ecef::new(-2_703_116.218, -4_291_767.079, 3_854_247.835),
             correction: Session::mask(mask_deg),
             latency_s: 0.0,
         };
         println!("mask {mask_deg}");
+        let bs = Session {
+            products: products.clone(),
+            rover: base.clone(),
+            base: Vec::new(),
+            base_position: session.base_position,
+            correction: session.correction,
+            latency_s: 0.0,
+        };
+        errors("base itself", &bs.solve(None), |_| Some(session.base_position));
         errors("phone, plain", &session.solve(None), at);
         errors("phone, differential", &session.solve(Some(DifferentialOptions::default())), at);
     }

@@ -3,7 +3,7 @@
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use cofix_common::frames::Ecef;
 
@@ -14,7 +14,7 @@ use super::reply::{self, Reply};
 use crate::Stop;
 use crate::input::connection::{Dial, DialError, is_no_news};
 use crate::input::{PORTION_BYTES, tcp};
-use crate::source::gps_time_of;
+use crate::source;
 
 /// Longest wait for a caster's reply.
 const REPLY: Duration = Duration::from_secs(10);
@@ -119,7 +119,7 @@ impl Dial for Client {
 }
 
 fn sentence_now(position: Ecef) -> String {
-    gga::sentence(position, gps_time_of(SystemTime::now()))
+    gga::sentence(position, source::now())
 }
 
 /// The request for a path. A position goes into it as revision 2 has it.
