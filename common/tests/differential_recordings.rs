@@ -237,7 +237,7 @@ fn a_base_of_thirty_seconds() {
 
 #[test]
 fn a_phone_and_a_base_at_some_distance() {
-    use cofix_common::gsdc::{DerivedFile, ground_truth};
+    use cofix_common::gsdc::{DerivedEpoch, DerivedFile, ground_truth};
     let folder = "data/gsdc-2020-05-14-mtv1";
     let (Some(products), Some(base), Some(truth)) = (
         products(&format!("{folder}/hour1350.20n")),
@@ -252,7 +252,8 @@ fn a_phone_and_a_base_at_some_distance() {
         let header = if part == 0 { 0 } else { bytes.iter().position(|b| *b == b'\n').unwrap() + 1 };
         table.extend_from_slice(&bytes[header..]);
     }
-    let rover = DerivedFile::parse(&table).unwrap().epochs.iter().map(|e| e.to_observations()).collect();
+    let rover =
+        DerivedFile::parse(&table).unwrap().epochs.iter().map(DerivedEpoch::to_observations).collect();
     let (truth, _) = ground_truth(&truth).unwrap();
     let at = |time: GpsTime| truth.at(time, &[1]).map(|point| point.position);
     for mask_deg in [7.5, 15.0] {

@@ -124,21 +124,19 @@ fn sentence_now(position: Ecef) -> String {
 
 /// The request for a path. A position goes into it as revision 2 has it.
 pub(super) fn request(caster: &Caster, path: &str, revision: Revision, gga: Option<&str>) -> String {
-    let version = env!("CARGO_PKG_VERSION");
-    let mut text = match revision {
-        Revision::First => format!("GET {path} HTTP/1.0\r\n"),
-        Revision::Second => {
-            format!("GET {path} HTTP/1.1\r\nHost: {}\r\nNtrip-Version: Ntrip/2.0\r\n", caster.address())
-        }
+    let mut lines = match revision {
+        Revision::First => vec![format!("GET {path} HTTP/1.0")],
+        Revision::Second => vec![
+            format!("GET {path} HTTP/1.1"),
+            format!("Host: {}", caster.address()),
+            "Ntrip-Version: Ntrip/2.0".to_owned(),
+        ],
     };
-    text.push_str(&format!("User-Agent: NTRIP cofix-agent/{version}\r\n"));
-    if let Some(authorization) = caster.authorization() {
-        text.push_str(&format!("Authorization: {authorization}\r\n"));
-    }
-    if let Some(gga) = gga {
-        text.push_str(&format!("Ntrip-GGA: {}\r\n", gga.trim_end()));
-    }
-    text + "Accept: */*\r\nConnection: close\r\n\r\n"
+    lines.push(format!("User-Agent: NTRIP cofix-agent/{}", env!("CARGO_PKG_VERSION")));
+    lines.extend(caster.authorization().map(|authorization| format!("Authorization: {authorization}")));
+    lines.extend(gga.map(|gga| format!("Ntrip-GGA: {}", gga.trim_end())));
+    lines.extend(["Accept: */*", "Connection: close", "", ""].map(str::to_owned));
+    lines.join("\r\n")
 }
 
 /// Reads a caster's reply; and what came of its data with it.
