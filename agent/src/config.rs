@@ -9,6 +9,7 @@ use cofix_common::gnss::ObservationEpoch;
 use cofix_common::orbit::Products;
 use cofix_common::time::GpsTime;
 
+use crate::corrections::Corrections;
 use crate::input::LiveSource;
 use crate::pipeline::PipelineOptions;
 
@@ -23,6 +24,8 @@ pub struct AgentConfig {
     pub source: Source,
     /// Where orbits and the rest come from.
     pub products: ProductSource,
+    /// Corrections from elsewhere, if any.
+    pub corrections: Corrections,
     /// Zenoh endpoints of the hub (or a router), such as `tcp/127.0.0.1:7447`.
     pub connect: Vec<String>,
     /// How fast recorded epochs are published.
@@ -64,6 +67,17 @@ pub enum Source {
     },
     /// Epochs in memory, in order of time: a simulated phone.
     Epochs(Arc<Vec<ObservationEpoch>>),
+}
+
+impl Source {
+    /// The instant near its beginning that goes with it, if any.
+    pub(crate) const fn near(&self) -> Option<GpsTime> {
+        match self {
+            Self::DatedFile { near, .. } => Some(*near),
+            Self::Live { near, .. } => *near,
+            Self::File(_) | Self::Epochs(_) => None,
+        }
+    }
 }
 
 /// Where orbits and the rest come from.

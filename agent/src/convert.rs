@@ -3,7 +3,6 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use cofix_common::decode::Record;
 use cofix_common::rinex::{
@@ -141,7 +140,7 @@ fn fill(text: &mut String, from: &str) {
 
 /// The date and time for headers, UTC.
 fn now() -> String {
-    let gps = source::gps_time_of(SystemTime::now());
+    let gps = source::now();
     let Calendar { year, month, day, hour, minute, second } = (gps - leap_seconds_at(gps) as f64).calendar();
     format!("{year:04}{month:02}{day:02} {hour:02}{minute:02}{:02.0} UTC", second.floor())
 }

@@ -12,6 +12,7 @@
 
 mod config;
 pub mod convert;
+pub mod corrections;
 pub mod format;
 pub mod input;
 pub mod inspect;
@@ -29,5 +30,6 @@ mod stop;
 pub mod stream;
 
 pub use config::{AgentConfig, ProductFiles, ProductSource, Source, Speed, SpeedError};
+pub use corrections::{CorrectionSource, Corrections};
 pub use run::{AgentError, AgentReport, run};
 pub use stop::Stop;

@@ -7,11 +7,16 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 use cofix_agent::convert::Outputs;
+use cofix_agent::corrections::base_position;
 use cofix_agent::input::LiveSource;
+use cofix_agent::input::ntrip::{self, Caster};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::signals::run_until_asked_to_end;
-use cofix_agent::{AgentConfig, ProductFiles, ProductSource, Source, Speed, Stop};
-use cofix_common::measurement::{CorrectionOptions, Ionosphere};
+use cofix_agent::{
+    AgentConfig, CorrectionSource, Corrections, ProductFiles, ProductSource, Source, Speed, Stop,
+};
+use cofix_common::frames::Ecef;
+use cofix_common::measurement::{CorrectionOptions, DifferentialCounts, DifferentialOptions, Ionosphere};
 use cofix_common::time::GpsTime;
 
 /// Runs beside one phone: reads its observations and publishes corrected measurements, local state and integrity verdict
@@ -32,6 +37,14 @@ enum Command {
     Inspect(Inspect),
     /// Writes recordings of any format as RINEX 3.05
     Convert(Convert),
+    /// Lists the streams of an NTRIP caster
+    Sourcetable(Sourcetable),
+}
+
+#[derive(Debug, Args)]
+struct Sourcetable {
+    /// ntrip://HOST:PORT, or with an account ntrip://USER:PASSWORD@HOST:PORT
+    caster: Caster,
 }
 
 #[derive(Debug, Args)]
@@ -76,7 +89,7 @@ struct Publish {
     #[arg(long)]
     phone: String,
     /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz and .Z too), or a live source: '-' for
-    /// standard input, tcp://HOST:PORT for a server that sends bytes
+    /// standard input, tcp://HOST:PORT for a server that sends bytes, ntrip://USER:PASSWORD@HOST:PORT/MOUNT for a stream of a caster
     #[arg(long, value_name = "SOURCE", required_unless_present = "follow")]
     observations: Option<String>,
     /// File that is being written, read as it grows
@@ -94,6 +107,16 @@ struct Publish {
     /// nothing but pairs
     #[arg(long, value_name = "METHOD", default_value = "model")]
     ionosphere: Ionosphere,
+    /// Corrections: a recorded file, tcp://HOST:PORT or ntrip://USER:PASSWORD@HOST:PORT/MOUNT. Its ephemerides are used, and, when it
+    /// carries the observations of a base station, pseudoranges are corrected by them; may be repeated
+    #[arg(long, value_name = "SOURCE")]
+    corrections: Vec<CorrectionSource>,
+    /// The base station's antenna, ECEF in metres and in the frame of the orbits (WGS-84, ITRF), in place of what its stream states
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = base_position, requires = "corrections")]
+    base_position: Option<Ecef>,
+    /// Corrections older than this are not used, seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=3_600))]
+    corrections_age: u64,
     /// Zenoh endpoint of the hub; may be repeated
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     connect: Vec<String>,
@@ -129,6 +152,9 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
     match (arguments.command, arguments.publish) {
         (Some(Command::Inspect(arguments)), _) => inspect(&arguments),
         (Some(Command::Convert(arguments)), _) => convert(arguments),
+        (Some(Command::Sourcetable(arguments)), _) => {
+            print(&ntrip::sourcetable(&arguments.caster, &Stop::default())?.to_string())
+        }
         (None, Some(publish)) => start(publish.config()?),
         (None, None) => anyhow::bail!("nothing to do; see --help"),
     }
@@ -153,13 +179,17 @@ fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
     } else {
         inspections.iter().map(ToString::to_string).collect()
     };
-    match std::io::stdout().write_all(text.as_bytes()) {
-        // Whoever reads may have had enough.
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => return Err(error.into()),
-        _ => {}
-    }
+    print(&text)?;
     anyhow::ensure!(failed == 0, "{failed} of {} files cannot be used", arguments.files.len());
     Ok(())
+}
+
+fn print(text: &str) -> anyhow::Result<()> {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        // Whoever reads may have had enough.
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
 }
 
 fn convert(arguments: Convert) -> anyhow::Result<()> {
@@ -180,6 +210,14 @@ impl Publish {
             group: self.group,
             phone: self.phone,
             products: ProductSource::Files(self.products),
+            corrections: Corrections {
+                sources: self.corrections,
+                base_position: self.base_position,
+                options: DifferentialOptions {
+                    maximum_age_s: self.corrections_age as f64,
+                    ..DifferentialOptions::default()
+                },
+            },
             connect: self.connect,
             speed: self.speed,
             pipeline: PipelineOptions {
@@ -199,7 +237,7 @@ impl Publish {
             }
             (None, name) => name.as_deref().unwrap_or_default(),
         };
-        if name == "-" || name.starts_with("tcp://") {
+        if LiveSource::is_named_by(name) {
             return Ok(Source::Live { from: name.parse()?, near: self.date });
         }
         Ok(match self.date {
@@ -214,6 +252,13 @@ fn start(config: AgentConfig) -> anyhow::Result<()> {
     let report = run_until_asked_to_end(move |stop| Ok(cofix_agent::run(&config, stop)?))?;
     for (reason, skip) in report.skips.iter() {
         tracing::warn!("skipped {} × {reason}, first: {}", skip.count, skip.first);
+    }
+    let DifferentialCounts { corrected, other_code, missing, too_old, refused } = report.corrections;
+    if report.corrections != DifferentialCounts::default() {
+        tracing::info!(
+            "{phone}: {corrected} observations corrected by a base, {other_code} by another code, {missing} without a correction, \
+             {too_old} too late for one, {refused} refused"
+        );
     }
     let how = if report.stopped { "stopped" } else { "finished" };
     tracing::info!("{phone}: {how} after {} epochs", report.epochs_published);

@@ -8,8 +8,8 @@ use cofix_common::gnss::ObservationEpoch;
 use cofix_common::gsdc::DerivedEpoch;
 use cofix_common::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim};
 use cofix_common::measurement::{
-    CorrectedObservation, CorrectionOptions, Corrector, PreparedObservation, StochasticModel,
-    without_position,
+    CorrectedObservation, CorrectionOptions, Corrector, Differential, DifferentialCounts,
+    DifferentialOptions, PreparedObservation, StochasticModel, without_position,
 };
 use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
@@ -52,6 +52,9 @@ pub struct PhonePipeline {
     options: PipelineOptions,
     position: Option<Ecef>,
     filter: JointFilter,
+    /// Base stations; `None` without corrections.
+    differential: Option<Differential>,
+    differential_counts: DifferentialCounts,
     skips: Skips,
 }
 
@@ -65,12 +68,40 @@ impl PhonePipeline {
             filter: JointFilter::new(options.filter),
             options,
             position: None,
+            differential: None,
+            differential_counts: DifferentialCounts::default(),
             skips: Skips::default(),
         }
     }
 
+    /// Corrects pseudoranges from now on by what base stations observe.
+    pub fn use_bases(&mut self, options: DifferentialOptions) {
+        let products = Arc::clone(self.corrector.products());
+        self.differential = Some(Differential::new(products, self.options.correction, options));
+    }
+
+    /// Takes an epoch of base number `base`, whose antenna is at `position`; of effect after [`PhonePipeline::use_bases`].
+    pub fn add_base_epoch(&mut self, base: usize, epoch: ObservationEpoch, position: Ecef) {
+        if let Some(differential) = &mut self.differential {
+            differential.add(base, epoch, position);
+        }
+    }
+
+    /// How many observations were corrected by base stations, and how many could not be.
+    pub const fn differential_counts(&self) -> DifferentialCounts {
+        self.differential_counts
+    }
+
+    /// The position of the last epoch that has one by itself.
+    pub const fn position(&self) -> Option<Ecef> {
+        self.position
+    }
+
     /// Goes on with other products: more messages have come.
     pub fn set_products(&mut self, products: Arc<Products>) {
+        if let Some(differential) = &mut self.differential {
+            differential.set_products(Arc::clone(&products));
+        }
         let corrector = Corrector::new(products, self.options.correction);
         let former = std::mem::replace(&mut self.corrector, corrector);
         self.skips.merge(former.skips());
@@ -125,6 +156,9 @@ impl PhonePipeline {
     pub fn skips(&self) -> Skips {
         let mut all = self.skips.clone();
         all.merge(self.corrector.skips());
+        if let Some(differential) = &self.differential {
+            all.merge(&differential.skips());
+        }
         all
     }
 
@@ -153,10 +187,15 @@ impl PhonePipeline {
         let mut seen_from = start;
         for _ in 0..MOST_CORRECTIONS {
             let (mut observations, masked) = self.corrector.finish(prepared, seen_from, time_gps);
+            let applied = self.differential.as_mut().map(|d| d.apply(&mut observations, seen_from, time_gps));
             let monitored = solve_with_raim(&mut observations, seen_from, &self.options.raim);
             let moved_m = monitored.fit.as_ref().map_or(0.0, |fit| fit.position().distance_m(seen_from));
             if moved_m <= RECORRECT_M {
                 self.skips.merge(&masked);
+                if let Some(applied) = applied {
+                    self.skips.merge(&applied.skips);
+                    self.differential_counts.add(applied.counts);
+                }
                 if let Ok(fit) = &monitored.fit {
                     for observation in &mut observations {
                         observation.residual_m = fit.residual_of(observation);

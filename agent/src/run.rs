@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
+use cofix_common::measurement::DifferentialCounts;
 use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
 use cofix_common::wire::{PhoneStatus, check_name};
 
+use crate::corrections::{Feed, News};
 use crate::link::{self, LinkError};
 use crate::pace::Pace;
 use crate::pipeline::PhonePipeline;
@@ -43,6 +46,8 @@ pub struct AgentReport {
     pub epochs_published: u64,
     /// Whether it was asked to stop before the end.
     pub stopped: bool,
+    /// What base stations did for the observations.
+    pub corrections: DifferentialCounts,
     /// What was skipped, from the file to the solution.
     pub skips: Skips,
 }
@@ -56,20 +61,25 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
     for name in [&config.group, &config.phone] {
         check_name(name).map_err(PublicationError::from)?;
     }
-    let Prepared { products, expected, mut opened, mut skips } = Prepared::new(config, stop)?;
+    let Prepared { products, expected, mut opened, feed, mut skips } = Prepared::new(config, stop)?;
     let Some(session) = link::connect_unless_stopped(&config.connect, config.patience, stop)? else {
-        return Ok(AgentReport { epochs_published: 0, stopped: true, skips });
+        let corrections = DifferentialCounts::default();
+        return Ok(AgentReport { epochs_published: 0, stopped: true, corrections, skips });
     };
     let publisher =
         Publisher { group: &config.group, phone: &config.phone, kept_messages: config.kept_messages };
     let publication = Publication::declare(session, publisher)?;
-    let pipeline = PhonePipeline::new(&config.phone, Arc::clone(&products), config.pipeline.clone());
+    let mut pipeline = PhonePipeline::new(&config.phone, Arc::clone(&products), config.pipeline.clone());
+    if feed.is_some() {
+        pipeline.use_bases(config.corrections.options);
+    }
     let mut work = Work {
         config,
         stop,
         products,
         pipeline,
         publication,
+        feed,
         terms_known: false,
         channels_known: 0,
         shortcomings: Skips::default(),
@@ -77,13 +87,20 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
     let outcome = work.publish(&mut opened, expected);
     skips.merge(&work.shortcomings);
     skips.merge(&work.pipeline.skips());
+    if let Some(feed) = work.feed.take() {
+        skips.merge(&feed.finish());
+    }
     if let (None, Some(records)) = (expected, opened.records()) {
         // The survey of a recorded source has counted the same already.
         skips.merge(&records.skips());
     }
     let finished = finish(config, &work.publication, &outcome, &skips, stop);
-    let report =
-        AgentReport { epochs_published: work.publication.published(), stopped: stop.is_requested(), skips };
+    let report = AgentReport {
+        epochs_published: work.publication.published(),
+        stopped: stop.is_requested(),
+        corrections: work.pipeline.differential_counts(),
+        skips,
+    };
     let closed = work.publication.close();
     outcome?;
     finished?;
@@ -97,6 +114,7 @@ struct Prepared<'a> {
     /// Epochs of a recorded source.
     expected: Option<u64>,
     opened: Opened<'a>,
+    feed: Option<Feed>,
     skips: Skips,
 }
 
@@ -113,14 +131,19 @@ impl<'a> Prepared<'a> {
         } else {
             let survey = source::survey(&config.source, near, stop)?;
             let states_its_own = config.pipeline.recorded_corrections && survey.has_corrections;
-            if !has_orbits && survey.navigation.is_empty() && !states_its_own && !stop.is_requested() {
+            let others = states_its_own || !config.corrections.is_none();
+            if !has_orbits && survey.navigation.is_empty() && !others && !stop.is_requested() {
                 return Err(SourceError::NoProducts.into());
             }
             survey.navigation.add_to(&mut products);
             skips.merge(&survey.skips);
             expected = Some(survey.epochs);
         }
-        Ok(Self { products, expected, opened: Opened::open(&config.source, near)?, skips })
+        let feed = match &config.corrections {
+            none if none.is_none() => None,
+            corrections => Some(Feed::open(corrections, config.source.near().unwrap_or_else(source::now))?),
+        };
+        Ok(Self { products, expected, opened: Opened::open(&config.source, near)?, feed, skips })
     }
 }
 
@@ -131,6 +154,8 @@ struct Work<'a> {
     products: Arc<Products>,
     pipeline: PhonePipeline,
     publication: Publication,
+    /// Corrections from elsewhere.
+    feed: Option<Feed>,
     /// Whether the ionosphere terms of a live source went into the products.
     terms_known: bool,
     /// GLONASS channels of a live source that went into the products.
@@ -148,6 +173,9 @@ impl Work<'_> {
         let summary = summary(self.config);
         self.publication.status(PhoneStatus::Started { summary, epochs_expected: expected })?;
         let is_live = expected.is_none();
+        if let Some(feed) = self.feed.as_ref().filter(|_| !is_live) {
+            feed.wait_for_first(self.config.patience, self.stop);
+        }
         let mut pace = Pace::new(if is_live { Speed::Maximum } else { self.config.speed });
         while let Some(record) = opened.next(self.stop)? {
             let mut own = OwnNavigation::default();
@@ -159,6 +187,7 @@ impl Work<'_> {
             if pace.wait(epoch.time_gps, self.stop) {
                 break;
             }
+            self.hear(epoch.time_gps)?;
             let is_first = self.publication.published() == 0;
             note_shortcomings(epoch.time_gps, is_first, &self.products, &mut self.shortcomings);
             let recorded = opened.records().and_then(|records| records.decoder().recorded_corrections());
@@ -167,6 +196,22 @@ impl Work<'_> {
                 None => self.pipeline.process(&epoch),
             };
             self.publication.epoch(&message)?;
+        }
+        Ok(())
+    }
+
+    /// Takes what corrections are there for an epoch.
+    fn hear(&mut self, time_gps: GpsTime) -> Result<(), AgentError> {
+        let Some(feed) = &mut self.feed else { return Ok(()) };
+        if let Some(position) = self.pipeline.position() {
+            feed.tell(position);
+        }
+        let News { navigation, bases } = feed.until(time_gps, self.stop)?;
+        if !navigation.is_empty() {
+            self.add_navigation(navigation);
+        }
+        for (base, epoch, position) in bases {
+            self.pipeline.add_base_epoch(base, epoch, position);
         }
         Ok(())
     }
@@ -186,9 +231,12 @@ impl Work<'_> {
             return;
         }
         self.channels_known = channels.len();
-        let products = Arc::make_mut(&mut self.products);
-        products.set_glonass_channels(&channels);
-        products.add_navigation(own.file);
+        Arc::make_mut(&mut self.products).set_glonass_channels(&channels);
+        self.add_navigation(own);
+    }
+
+    fn add_navigation(&mut self, navigation: OwnNavigation) {
+        Arc::make_mut(&mut self.products).add_navigation(navigation.file);
         self.pipeline.set_products(Arc::clone(&self.products));
     }
 }

@@ -159,11 +159,16 @@ pub fn open_file(path: &Path, near: Option<GpsTime>) -> Result<Records, SourceEr
 
 fn open_live(live: &LiveSource, near: Option<GpsTime>) -> Result<Records, SourceError> {
     let bytes = live.open().map_err(|cause| SourceError::Live { name: live.to_string(), cause })?;
-    Ok(Records::new(bytes, near.unwrap_or_else(|| gps_time_of(SystemTime::now()))))
+    Ok(Records::new(bytes, near.unwrap_or_else(now)))
 }
 
-/// GPS time of the computer's clock.
-pub(crate) fn gps_time_of(time: SystemTime) -> GpsTime {
+/// GPS time now, by the computer's clock.
+pub(crate) fn now() -> GpsTime {
+    gps_time_of(SystemTime::now())
+}
+
+/// GPS time of an instant of the computer's clock.
+fn gps_time_of(time: SystemTime) -> GpsTime {
     let unix_s = time.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
     let epoch = GpsTime::default().as_unix_calendar_nanos() as f64 * 1e-9;
     let utc = GpsTime::default() + (unix_s - epoch);

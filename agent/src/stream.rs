@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use cofix_common::atmosphere::KlobucharCoefficients;
 use cofix_common::decode::{Decoder, Record, WrongStream};
+use cofix_common::frames::Ecef;
 use cofix_common::gnsslogger::{self, GnssLoggerDecoder};
 use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch};
 use cofix_common::rinex::{ObservationDecoder, ObservationHeader, leap_seconds_at};
@@ -96,6 +97,15 @@ impl StreamDecoder {
         match &self.0 {
             Kind::Rinex(_, decoder) => decoder.header(),
             _ => None,
+        }
+    }
+
+    /// Where the antenna is, as far as the stream states it: of RTCM 3 by messages 1005 and 1006, of RINEX by its header, which
+    /// promises an approximate position only.
+    pub fn station(&self) -> Option<Ecef> {
+        match &self.0 {
+            Kind::Rtcm3(decoder) => decoder.station().map(|station| station.position),
+            _ => self.header().and_then(|header| header.approximate_position),
         }
     }
 

@@ -11,7 +11,9 @@ use std::time::Duration;
 
 use cofix_agent::input::{Backoff, LiveSource};
 use cofix_agent::pipeline::PipelineOptions;
-use cofix_agent::{AgentConfig, AgentReport, ProductFiles, ProductSource, Source, Speed, Stop, link, run};
+use cofix_agent::{
+    AgentConfig, AgentReport, Corrections, ProductFiles, ProductSource, Source, Speed, Stop, link, run,
+};
 use cofix_common::wire::{
     EpochMessage, PhoneStatus, StatusMessage, all_receipts_key, decode, epoch_key, status_key,
 };
@@ -81,6 +83,7 @@ impl Hub {
             phone: "p".to_owned(),
             source: Source::Live { from: source, near: None },
             products: ProductSource::Files(ProductFiles::default()),
+            corrections: Corrections::default(),
             connect: self.session.info().locators().wait().iter().map(ToString::to_string).collect(),
             // Would take a day for each epoch, were it obeyed.
             speed: Speed::Times(1e-5),

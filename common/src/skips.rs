@@ -40,6 +40,12 @@ impl Skips {
         }
     }
 
+    /// The same counts with something in front of each reason.
+    pub fn with_prefix(&self, prefix: &str) -> Self {
+        let named = self.by_reason.iter().map(|(reason, skip)| (format!("{prefix}{reason}"), skip.clone()));
+        Self { by_reason: named.collect() }
+    }
+
     /// Count for a reason, 0 when it never happened.
     pub fn count(&self, reason: &str) -> u64 {
         self.by_reason.get(reason).map_or(0, |skip| skip.count)

@@ -309,13 +309,21 @@ fn what_is_not_read_is_counted_by_its_number() {
     });
     let station = Message::Msg1005(Msg1005T::default());
     let glonass = Message::Msg1020(Msg1020T { glo_m_n4_year: 1996, ..Msg1020T::default() });
-    let (_, skips) =
-        decode(&[&[frame(&sbas), frame(&station), frame(&station), frame(&glonass), frame_of(&[])].concat()]);
+    let (_, skips) = decode(&[&[
+        frame(&sbas),
+        frame(&station),
+        frame(&station),
+        frame(&glonass),
+        frame_of(&number(1033)),
+        frame_of(&[]),
+    ]
+    .concat()]);
     assert_eq!(skips.count("SBAS observations are not used"), 1, "{skips}");
-    assert_eq!(skips.count("message 1005 is not read"), 2, "{skips}");
-    assert_eq!(skips.count("GLONASS ephemeris not supported yet"), 1, "{skips}");
+    assert_eq!(skips.count("station position that cannot be"), 2, "the Earth's centre: {skips}");
+    assert_eq!(skips.count("ephemeris with impossible values"), 1, "{skips}");
+    assert_eq!(skips.count("message 1033 is not read"), 1, "{skips}");
     assert_eq!(skips.count("frame without a message"), 1, "{skips}");
-    assert_eq!(skips.total(), 5, "{skips}");
+    assert_eq!(skips.total(), 6, "{skips}");
 }
 
 /// More cells than are allowed, reserved signals, and messages cut short have valid checksums all the same.

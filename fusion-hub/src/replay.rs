@@ -8,7 +8,7 @@ use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
 use cofix_agent::pipeline::PipelineOptions;
-use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, source};
+use cofix_agent::{AgentConfig, Corrections, ProductSource, Source, Speed, Stop, source};
 use cofix_common::accuracy::Truth;
 use cofix_common::gsdc;
 use cofix_common::measurement::Ionosphere;
@@ -231,6 +231,7 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
             phone: phone.name.clone(),
             source: phone.source.clone(),
             products: ProductSource::Loaded(products.clone()),
+            corrections: Corrections::default(),
             connect: connect.clone(),
             speed: options.speed,
             pipeline: plan.pipeline(phone),

@@ -5,7 +5,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context;
-use cofix_agent::{AgentConfig, AgentError, AgentReport, ProductSource, Speed, Stop, link};
+use cofix_agent::{AgentConfig, AgentError, AgentReport, Corrections, ProductSource, Speed, Stop, link};
 use cofix_common::simulation::{PhoneOptions, Scenario};
 use cofix_hub::align::{AlignOptions, Aligner};
 use cofix_hub::engine::Engine;
@@ -134,6 +134,7 @@ pub fn agent_config(plan: &Plan, phone: usize, connect: &[String]) -> anyhow::Re
         phone: planned.name.clone(),
         source: planned.source.clone(),
         products: ProductSource::Loaded(products.clone()),
+        corrections: Corrections::default(),
         connect: connect.to_vec(),
         speed: Speed::Maximum,
         pipeline: settings(plan.preset).0,

@@ -1,9 +1,11 @@
-//! Where bytes come from: a recorded file, a growing one, standard input, a TCP server.
+//! Where bytes come from: a recorded file, a growing one, standard input, a TCP server, an NTRIP caster.
 //!
 //! None of them waits without end: each looks for a request to stop at least every [`LOOK`], and sleeps in between.
 
+mod connection;
 mod file;
 mod follow;
+pub mod ntrip;
 mod pipe;
 mod tcp;
 
@@ -12,10 +14,10 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
+pub use connection::{Backoff, Connected, Dial, DialError};
 pub use file::Recorded;
 pub use follow::Followed;
 pub use pipe::Piped;
-pub use tcp::{Backoff, Connected};
 
 use crate::Stop;
 
@@ -66,28 +68,47 @@ pub enum LiveSource {
         /// How it is tried again.
         backoff: Backoff,
     },
+    /// `ntrip://USER:PASSWORD@HOST:PORT/MOUNT`: a stream of an NTRIP caster.
+    Ntrip {
+        /// Caster, account and mount point.
+        mount: ntrip::Mount,
+        /// How it is tried again.
+        backoff: Backoff,
+    },
 }
 
-/// Text that names no TCP server.
+/// Text that names no server.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("'{text}' is not a source: write tcp://HOST:PORT, for example tcp://192.168.1.20:5000")]
-pub struct AddressError {
-    text: String,
+pub enum AddressError {
+    /// Neither `-` nor a TCP server.
+    #[error(
+        "'{text}' is not a source: write tcp://HOST:PORT, for example tcp://192.168.1.20:5000, or ntrip://USER:PASSWORD@HOST:PORT/MOUNT"
+    )]
+    Unknown {
+        /// What was given, without a password.
+        text: String,
+    },
+    /// A caster's address that cannot be used.
+    #[error(transparent)]
+    Ntrip(#[from] ntrip::CasterError),
 }
 
 impl FromStr for LiveSource {
     type Err = AddressError;
 
-    /// Reads `-` or `tcp://HOST:PORT`.
+    /// Reads `-`, `tcp://HOST:PORT` or `ntrip://USER:PASSWORD@HOST:PORT/MOUNT`.
     fn from_str(text: &str) -> Result<Self, AddressError> {
         if text == "-" {
             return Ok(Self::Standard);
+        }
+        if text.starts_with("ntrip") {
+            return Ok(Self::Ntrip { mount: text.parse()?, backoff: Backoff::default() });
         }
         let address = text.strip_prefix("tcp://").unwrap_or_default();
         let port = address.rsplit_once(':').filter(|(host, _)| !host.is_empty());
         match port.and_then(|(_, port)| port.parse::<u16>().ok()) {
             Some(1..) => Ok(Self::Tcp { address: address.to_owned(), backoff: Backoff::default() }),
-            _ => Err(AddressError { text: text.to_owned() }),
+            _ => Err(AddressError::Unknown { text: ntrip::without_password(text) }),
         }
     }
 }
@@ -98,20 +119,38 @@ impl fmt::Display for LiveSource {
             Self::Follow(path) => write!(f, "{}, as it grows", path.display()),
             Self::Standard => f.write_str("standard input"),
             Self::Tcp { address, .. } => write!(f, "tcp://{address}"),
+            Self::Ntrip { mount, .. } => mount.fmt(f),
         }
     }
 }
 
 impl LiveSource {
+    /// Whether a text names a live source, be it well written or not, and no file.
+    pub fn is_named_by(text: &str) -> bool {
+        text == "-" || ["tcp://", "ntrip://", "ntrips://"].iter().any(|scheme| text.starts_with(scheme))
+    }
+
     /// Opens it.
     ///
     /// # Errors
     /// When the file to follow cannot be opened, or standard input was given to another reader.
     pub fn open(&self) -> std::io::Result<Box<dyn Bytes>> {
+        self.open_near(&ntrip::RoverPosition::default())
+    }
+
+    /// Opens it for a rover, whose position a caster gets to hear.
+    ///
+    /// # Errors
+    /// As of [`LiveSource::open`].
+    pub fn open_near(&self, rover: &ntrip::RoverPosition) -> std::io::Result<Box<dyn Bytes>> {
         Ok(match self {
             Self::Follow(path) => Box::new(Followed::open(path)?),
             Self::Standard => Box::new(Piped::start(std::io::stdin())?),
             Self::Tcp { address, backoff } => Box::new(Connected::new(address, *backoff)),
+            Self::Ntrip { mount, backoff } => {
+                let client = ntrip::Client::new(mount.clone(), rover.clone());
+                Box::new(Connected::by(Box::new(client), *backoff))
+            }
         })
     }
 }

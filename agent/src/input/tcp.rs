@@ -2,190 +2,49 @@
 
 use std::io::{self, Read};
 use std::net::{TcpStream, ToSocketAddrs};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use super::{Bytes, LOOK, PORTION_BYTES, Portion};
+use super::LOOK;
+use super::connection::{Dial, DialError};
 use crate::Stop;
 
-/// Longest wait for a server to accept.
+/// Longest wait for a server to accept, or to take what is written.
 const ACCEPT: Duration = Duration::from_secs(5);
 
-/// How a lost connection is tried again: after `first`, then after twice as long each time, but never longer than
-/// `longest`, until `attempts` in a row brought no byte.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Backoff {
-    /// The first wait.
-    pub first: Duration,
-    /// The longest wait.
-    pub longest: Duration,
-    /// Attempts in a row without a byte before giving up.
-    pub attempts: u32,
-    /// A connection on which nothing comes for so long counts as lost.
-    pub silence: Duration,
-}
-
-impl Default for Backoff {
-    /// 0.5 s to 30 s, twelve attempts: four minutes. Silence of a minute.
-    fn default() -> Self {
-        Self {
-            first: Duration::from_millis(500),
-            longest: Duration::from_secs(30),
-            attempts: 12,
-            silence: Duration::from_mins(1),
-        }
-    }
-}
-
-impl Backoff {
-    /// The wait before another attempt after `number` of them; the first is at once.
-    fn wait(&self, number: u32) -> Duration {
-        match number.checked_sub(1) {
-            None => Duration::ZERO,
-            Some(doublings) => {
-                self.first.saturating_mul(1_u32.checked_shl(doublings).unwrap_or(u32::MAX)).min(self.longest)
-            }
-        }
-    }
-}
-
-/// A connection that is opened again when it is lost.
-pub struct Connected {
+/// A server that sends as soon as somebody connects.
+pub(super) struct Plain {
     address: String,
-    backoff: Backoff,
-    stream: Option<TcpStream>,
-    /// Attempts since the last byte, the one that brought it included.
-    attempts: u32,
-    /// Since when nothing came.
-    silent_since: Instant,
-    /// Whether bytes came before the connection was lost.
-    interrupted: bool,
-    last_words: Option<String>,
 }
 
-impl Connected {
-    /// A connection to `HOST:PORT`, opened when bytes are first asked for.
-    pub fn new(address: &str, backoff: Backoff) -> Self {
-        Self {
-            address: address.to_owned(),
-            backoff,
-            stream: None,
-            attempts: 0,
-            silent_since: Instant::now(),
-            interrupted: false,
-            last_words: None,
-        }
-    }
-
-    /// Tries once to connect, after the wait that is due.
-    fn connect(&mut self, stop: &Stop) {
-        let wait = self.backoff.wait(self.attempts);
-        self.attempts += 1;
-        if stop.is_requested() || !wait.is_zero() && stop.sleep(wait) {
-            return;
-        }
-        match open(&self.address) {
-            Ok(stream) => {
-                tracing::info!("connected to tcp://{}", self.address);
-                self.stream = Some(stream);
-                self.silent_since = Instant::now();
-            }
-            Err(error) => self.failed(&error.to_string()),
-        }
-    }
-
-    /// Notes that the connection is not there, and says when it is tried again.
-    fn failed(&mut self, reason: &str) {
-        self.stream = None;
-        let (address, attempts) = (&self.address, self.attempts);
-        if attempts < self.backoff.attempts {
-            let wait_s = self.backoff.wait(attempts).as_secs_f64();
-            tracing::warn!("tcp://{address}: {reason}; trying again in {wait_s} s");
-        }
-        self.last_words =
-            Some(format!("tcp://{address}: {reason}; {attempts} attempts in a row brought no byte"));
-    }
-
-    /// Reads once; `None` when nothing came in time or the connection was lost.
-    fn read(&mut self, buffer: &mut [u8]) -> Option<usize> {
-        let stream = self.stream.as_mut()?;
-        match stream.read(buffer) {
-            Ok(0) => self.failed("the server closed the connection"),
-            Ok(count) => {
-                self.silent_since = Instant::now();
-                // The next attempt waits: a server that accepts and drops must not be asked without pause.
-                self.attempts = 1;
-                return Some(count);
-            }
-            Err(error) if is_no_news(&error) => {
-                if self.silent_since.elapsed() > self.backoff.silence {
-                    let silence_s = self.backoff.silence.as_secs_f64();
-                    self.failed(&format!("nothing came for {silence_s} s"));
-                }
-            }
-            Err(error) => self.failed(&error.to_string()),
-        }
-        None
+impl Plain {
+    /// The server at `HOST:PORT`.
+    pub(super) fn new(address: &str) -> Self {
+        Self { address: address.to_owned() }
     }
 }
 
-fn is_no_news(error: &io::Error) -> bool {
-    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
+impl Dial for Plain {
+    fn name(&self) -> String {
+        format!("tcp://{}", self.address)
+    }
+
+    fn dial(&mut self, _: &Stop) -> Result<Box<dyn Read>, DialError> {
+        Ok(Box::new(open(&self.address)?))
+    }
 }
 
-/// Connects to the first of the address's hosts that accepts.
-fn open(address: &str) -> io::Result<TcpStream> {
+/// Connects to the first of the address's hosts that accepts. Reads return within [`LOOK`].
+pub(super) fn open(address: &str) -> io::Result<TcpStream> {
     let mut last = io::Error::new(io::ErrorKind::NotFound, "no such host");
     for host in address.to_socket_addrs()? {
         match TcpStream::connect_timeout(&host, ACCEPT) {
             Ok(stream) => {
                 stream.set_read_timeout(Some(LOOK))?;
+                stream.set_write_timeout(Some(ACCEPT))?;
                 return Ok(stream);
             }
             Err(error) => last = error,
         }
     }
     Err(last)
-}
-
-impl Bytes for Connected {
-    fn next(&mut self, buffer: &mut Vec<u8>, stop: &Stop) -> io::Result<Portion> {
-        loop {
-            if stop.is_requested() {
-                return Ok(Portion::End);
-            }
-            if self.stream.is_none() {
-                if self.attempts >= self.backoff.attempts {
-                    return Ok(Portion::Lost);
-                }
-                self.connect(stop);
-                if self.stream.is_some() && std::mem::take(&mut self.interrupted) {
-                    return Ok(Portion::Broken);
-                }
-                continue;
-            }
-            buffer.resize(PORTION_BYTES, 0);
-            if let Some(count) = self.read(buffer) {
-                buffer.truncate(count);
-                self.interrupted = true;
-                return Ok(Portion::Bytes);
-            }
-        }
-    }
-
-    fn last_words(&self) -> Option<&str> {
-        self.last_words.as_deref()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn waits_double_up_to_the_longest() {
-        let backoff = Backoff::default();
-        let waits: Vec<_> = (0..9).map(|number| backoff.wait(number).as_secs_f64()).collect();
-        assert_eq!(waits, [0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0]);
-        assert_eq!(backoff.wait(u32::MAX), backoff.longest);
-    }
 }

@@ -91,6 +91,11 @@ impl Corrector {
         Self { products, options, skips: Skips::default() }
     }
 
+    /// The products that it works with.
+    pub const fn products(&self) -> &Arc<Products> {
+        &self.products
+    }
+
     /// What [`Corrector::prepare`] skipped so far, by reason.
     pub const fn skips(&self) -> &Skips {
         &self.skips

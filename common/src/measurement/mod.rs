@@ -1,6 +1,7 @@
 //! From raw to corrected observations: masks, corrections, stochastic models.
 
 mod correct;
+mod differential;
 mod given;
 mod pair;
 #[cfg(test)]
@@ -8,6 +9,7 @@ pub(crate) mod sky;
 mod stochastic;
 
 pub use correct::{CorrectionOptions, Corrector, PreparedObservation, without_position};
+pub use differential::{Applied, Differential, DifferentialCounts, DifferentialOptions, Uncorrected};
 pub use given::GivenCorrections;
 pub use pair::Ionosphere;
 pub use stochastic::{StochasticModel, VarianceModel};

@@ -50,6 +50,18 @@ impl<'a> Bits<'a> {
         Ok(f64::from(self.signed(width)?) * scale)
     }
 
+    /// The next `width` bits (33 to 64) as a number in two's complement.
+    pub(super) fn signed_long(&mut self, width: usize) -> Result<i64, TooShort> {
+        let high = i64::from(self.signed(width.saturating_sub(32))?);
+        Ok(high << 32 | i64::from(self.unsigned(32)?))
+    }
+
+    /// The next `width` bits (2 to 32) as a sign, 1 = negative, and a magnitude, times a scale factor (GLONASS).
+    pub(super) fn sign_magnitude(&mut self, width: usize, scale: f64) -> Result<f64, TooShort> {
+        let sign = if self.flag()? { -1.0 } else { 1.0 };
+        Ok(sign * self.scaled_unsigned(width.saturating_sub(1), scale)?)
+    }
+
     /// Passes over bits.
     pub(super) fn skip(&mut self, width: usize) {
         self.position += width;
@@ -70,6 +82,16 @@ impl<'a> Bits<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_and_sign_magnitude_numbers() {
+        let mut bits = Bits::new(&[0xff, 0xff, 0xff, 0xff, 0b1111_1010, 0b1000_0101, 0]);
+        assert_eq!(bits.signed_long(38), Ok(-2));
+        assert_eq!(bits.sign_magnitude(4, 0.5), Ok(-1.0), "1010 is minus two");
+        assert_eq!(bits.sign_magnitude(6, 1.0), Ok(5.0));
+        let mut bits = Bits::new(&[0b0100_0000, 0, 0, 0, 0b0000_0100]);
+        assert_eq!(bits.signed_long(38), Ok((1 << 36) + 1));
+    }
 
     #[test]
     fn fields_cross_bytes_and_keep_their_sign() {

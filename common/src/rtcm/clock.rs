@@ -8,6 +8,10 @@ const MILLIS_PER_WEEK: i64 = 7 * MILLIS_PER_DAY;
 const NANOS_PER_MILLI: i128 = 1_000_000;
 /// GLONASS time is Moscow time, UTC + 3 h (GLONASS ICD, 3.3.3).
 const MOSCOW_AHEAD_MILLIS: i64 = 3 * 3_600_000;
+/// The years 1980-2099 have no exception of the rule that every fourth has a leap day.
+const DAYS_OF_FOUR_YEARS: u32 = 1_461;
+/// GPS time begins on 6 January of a leap year.
+const DAYS_TO_GPS: i64 = 5;
 
 /// The epoch time of a message as it is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +61,24 @@ impl StreamClock {
                 (self.moscow_to_gps(i64::from(day) * MILLIS_PER_DAY + i64::from(millis)), MILLIS_PER_WEEK)
             }
         };
+        self.nearest(millis, period)
+    }
+
+    /// GPS time of milliseconds of a day in Moscow. The day is number `day` (1 = 1 January) of the four years that begin with a leap
+    /// year (N_T of the GLONASS ICD, 4.4), unless that is more than `limit_s` from the stream's own time; else the nearest.
+    pub(super) fn resolve_moscow(&self, day: Option<u32>, millis: i64, limit_s: f64) -> Option<GpsTime> {
+        let of_four_years = day.filter(|day| (1..=DAYS_OF_FOUR_YEARS).contains(day)).and_then(|day| {
+            let days = i64::from(day) - 1 - DAYS_TO_GPS;
+            let since_gps = self.moscow_to_gps(days * MILLIS_PER_DAY + millis);
+            self.nearest(since_gps, i64::from(DAYS_OF_FOUR_YEARS) * MILLIS_PER_DAY)
+        });
+        of_four_years
+            .filter(|time| (*time - self.near).abs() <= limit_s)
+            .or_else(|| self.nearest(self.moscow_to_gps(millis), MILLIS_PER_DAY))
+    }
+
+    /// The instant nearest to the stream's that is `millis` after a multiple of `period`.
+    fn nearest(&self, millis: i64, period: i64) -> Option<GpsTime> {
         let near = i128::from(self.near.nanos());
         let (nanos, period) = (i128::from(millis) * NANOS_PER_MILLI, i128::from(period) * NANOS_PER_MILLI);
         let periods = (near - nanos + period / 2).div_euclid(period);
@@ -119,6 +141,24 @@ mod tests {
         // 00:00:00 on Sunday in Moscow is Saturday 21:00:18 GPST.
         let midnight = SentTime::Glonass { day: 0, millis: 0 };
         assert_eq!(resolved("2020-08-16T00:00:00", Glonass, midnight), "2020-08-15T21:00:18.000");
+    }
+
+    #[test]
+    fn days_of_four_years_count_from_a_leap_year() {
+        // 13 August 2020 is day 226 of the leap year 2020; 14 August 2023 is day 366 + 365 + 365 + 226.
+        let millis = ((17 * 60 + 19) * 60 + 35) * 1_000;
+        for (near, day, expected) in [
+            ("2020-08-11T20:00:00", Some(226), "2020-08-13T14:19:53.000"),
+            ("2023-08-16T20:00:00", Some(1_322), "2023-08-14T14:19:53.000"),
+            ("2020-08-11T20:00:00", None, "2020-08-11T14:19:53.000"),
+            ("2020-08-11T20:00:00", Some(0), "2020-08-11T14:19:53.000"),
+            ("2020-08-11T20:00:00", Some(1_462), "2020-08-11T14:19:53.000"),
+            // A day too far off to be believed.
+            ("2020-08-03T20:00:00", Some(226), "2020-08-03T14:19:53.000"),
+        ] {
+            let time = clock(near).resolve_moscow(day, millis, 4.0 * 86_400.0).unwrap();
+            assert_eq!(time.to_string(), expected, "{near} {day:?}");
+        }
     }
 
     #[test]

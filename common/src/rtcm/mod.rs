@@ -1,4 +1,4 @@
-//! RTCM 3 streams: observations (MSM4 to MSM7) and ephemerides, by RTCM 10403.3.
+//! RTCM 3 streams: observations (MSM4 to MSM7), ephemerides and the station's position, by RTCM 10403.3.
 //!
 //! ```
 //! use cofix_common::decode::Decoder;
@@ -19,16 +19,20 @@ mod clock;
 mod ephemeris;
 mod epoch;
 mod frame;
+mod glonass;
 mod lock;
 mod msm;
 mod signals;
+mod station;
+
+pub use station::Station;
 
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::decode::{Decoder, Record, WrongStream};
 use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId};
-use crate::orbit::KeplerEphemeris;
+use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
@@ -67,6 +71,10 @@ pub struct RtcmDecoder {
     glonass_channels: BTreeMap<u8, i8>,
     /// The last one of each satellite and message number: streams repeat them.
     ephemerides: BTreeMap<(SatelliteId, u32), KeplerEphemeris>,
+    glonass_ephemerides: BTreeMap<u8, GlonassEphemeris>,
+    /// Whether an observation message has told the time.
+    told_time: bool,
+    station: Option<Station>,
     records: VecDeque<Record>,
     skips: Skips,
 }
@@ -83,6 +91,9 @@ impl RtcmDecoder {
             locks: lock::LockTimes::default(),
             glonass_channels: BTreeMap::new(),
             ephemerides: BTreeMap::new(),
+            glonass_ephemerides: BTreeMap::new(),
+            told_time: false,
+            station: None,
             records: VecDeque::new(),
             skips: Skips::default(),
         }
@@ -96,6 +107,11 @@ impl RtcmDecoder {
     /// GLONASS frequency channels (−7…6) by slot, as far as the stream has told them (MSM5, MSM7, 1020).
     pub const fn glonass_channels(&self) -> &BTreeMap<u8, i8> {
         &self.glonass_channels
+    }
+
+    /// The station that the stream's observations are from, by the last message 1005 or 1006.
+    pub const fn station(&self) -> Option<Station> {
+        self.station
     }
 
     fn drain(&mut self, ended: bool) {
@@ -130,6 +146,7 @@ impl RtcmDecoder {
             (Some((constellation, level)), _) => self.observations(bytes, number, constellation, level),
             (None, 1019 | 1042 | 1044..=1046) => self.ephemeris(bytes, number),
             (None, 1020) => self.glonass_ephemeris(bytes),
+            (None, 1005 | 1006) => self.station_position(bytes, number),
             _ => {
                 self.skips.add(&format!("message {number} is not read"), || format!("{} bytes", bytes.len()));
             }
@@ -154,6 +171,7 @@ impl RtcmDecoder {
             return;
         }
         self.clock.near = time;
+        self.told_time = true;
         let observations =
             message.cells.iter().filter_map(|cell| self.observation(time, &message, cell)).collect();
         let complete = self.assembler.add(time, &message, observations, &mut self.skips);
@@ -228,27 +246,42 @@ impl RtcmDecoder {
                     self.records.push_back(Record::Ephemeris(Box::new(ephemeris)));
                 }
             }
-            Err(ephemeris::Fault::TooShort) => self.too_short(bytes, number),
-            Err(ephemeris::Fault::Impossible(detail)) => {
+            Err(fault) => self.faulty_ephemeris(bytes, number, fault),
+        }
+    }
+
+    fn faulty_ephemeris(&mut self, bytes: &[u8], number: u32, fault: ephemeris::Fault) {
+        match fault {
+            ephemeris::Fault::TooShort => self.too_short(bytes, number),
+            ephemeris::Fault::Impossible(detail) => {
                 self.skips.add("ephemeris with impossible values", || format!("message {number}: {detail}"));
             }
         }
     }
 
-    /// GLONASS ephemerides are orbits of another kind: of message 1020 only the frequency channel (DF040) is used. This is
-    /// the place for the rest of it.
     fn glonass_ephemeris(&mut self, bytes: &[u8]) {
-        let mut bits = bits::Bits::new(bytes);
-        bits.skip(12);
-        let (Ok(slot), Ok(channel)) = (bits.unsigned(6), bits.unsigned(5)) else {
-            return self.too_short(bytes, 1020);
-        };
-        if let (Ok(slot @ 1..=MAX_SATELLITE), Ok(channel @ 0..=13)) =
-            (u8::try_from(slot), i8::try_from(channel))
-        {
-            self.glonass_channels.insert(slot, channel - 7);
+        if let Ok((slot, channel)) = glonass::channel(bytes) {
+            self.glonass_channels.insert(slot, channel);
         }
-        self.skips.add("GLONASS ephemeris not supported yet", || format!("message 1020: slot {slot}"));
+        match glonass::decode(bytes, &self.clock, self.told_time) {
+            Ok(ephemeris) => {
+                let known = self.glonass_ephemerides.insert(ephemeris.satellite.number, ephemeris);
+                if known != Some(ephemeris) {
+                    self.records.push_back(Record::Glonass(Box::new(ephemeris)));
+                }
+            }
+            Err(fault) => self.faulty_ephemeris(bytes, 1020, fault),
+        }
+    }
+
+    fn station_position(&mut self, bytes: &[u8], number: u32) {
+        match station::decode(bytes, number) {
+            Ok(station) => self.station = Some(station),
+            Err(ephemeris::Fault::TooShort) => self.too_short(bytes, number),
+            Err(ephemeris::Fault::Impossible(detail)) => {
+                self.skips.add("station position that cannot be", || format!("message {number}: {detail}"));
+            }
+        }
     }
 }
 

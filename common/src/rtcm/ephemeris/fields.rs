@@ -42,7 +42,7 @@ const fn widths(constellation: Constellation) -> Widths {
 }
 
 /// 2ⁿ for n ≤ 0.
-const fn power(n: i32) -> f64 {
+pub(in crate::rtcm) const fn power(n: i32) -> f64 {
     let mut value = 1.0;
     let mut k = 0;
     while k > n {

@@ -4,6 +4,7 @@
 
 mod fields;
 
+pub(super) use fields::power;
 use fields::{Orbit, Rest};
 
 use super::bits::{Bits, TooShort};
@@ -77,7 +78,8 @@ fn assemble(rest: &Rest, orbit: &Orbit, now: GpsTime) -> Result<KeplerEphemeris,
     })
 }
 
-fn within(name: &str, value: f64, low: f64, high: f64) -> Result<(), Fault> {
+/// Refuses a value outside its limits.
+pub(super) fn within(name: &str, value: f64, low: f64, high: f64) -> Result<(), Fault> {
     if (low..=high).contains(&value) {
         return Ok(());
     }

@@ -1,0 +1,252 @@
+//! Corrections from elsewhere: ephemerides, and the observations of base stations.
+//!
+//! - A **recorded** source is read along with the rover's time, so that an epoch is corrected only by what was there before it.
+//! - A **live** source is read on a thread of its own into an inbox that never makes either side wait: when it is full, the oldest
+//!   epoch goes. When it fails, that is said and counted, and the rover goes on without.
+//!
+//! A base's position is the one that the user gives, else the one that its stream states: messages 1005 and 1006 of RTCM 3, or the
+//! approximate position of a RINEX header. The rover's position is only as good as that; see `--base-position`.
+
+mod inbox;
+mod recorded;
+
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use cofix_common::decode::Record;
+use cofix_common::frames::Ecef;
+use cofix_common::gnss::ObservationEpoch;
+use cofix_common::measurement::DifferentialOptions;
+use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+
+use self::inbox::Inbox;
+use self::recorded::Recorded;
+use crate::Stop;
+use crate::input::ntrip::RoverPosition;
+use crate::input::{AddressError, LOOK, LiveSource};
+use crate::products::OwnNavigation;
+use crate::source::SourceError;
+
+/// How long a thread gets to end.
+const LAST_WORDS: Duration = Duration::from_secs(1);
+
+/// Where corrections come from, and how they are used.
+#[derive(Clone, Debug, Default)]
+pub struct Corrections {
+    /// The sources; each may carry ephemerides and the observations of one base.
+    pub sources: Vec<CorrectionSource>,
+    /// The base's antenna, in place of what its stream states. It holds for all sources.
+    pub base_position: Option<Ecef>,
+    /// Age limit and sigmas.
+    pub options: DifferentialOptions,
+}
+
+impl Corrections {
+    /// Whether there is none.
+    pub const fn is_none(&self) -> bool {
+        self.sources.is_empty()
+    }
+}
+
+/// A source of corrections.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CorrectionSource {
+    /// A recorded file of any format that is read.
+    File(PathBuf),
+    /// A server.
+    Live(LiveSource),
+}
+
+/// Text that names no source of corrections.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CorrectionSourceError {
+    /// It is the rover's.
+    #[error("corrections do not come from standard input: name a file, tcp://HOST:PORT or ntrip://…/MOUNT")]
+    StandardInput,
+    /// No address.
+    #[error(transparent)]
+    Address(#[from] AddressError),
+}
+
+impl FromStr for CorrectionSource {
+    type Err = CorrectionSourceError;
+
+    fn from_str(text: &str) -> Result<Self, CorrectionSourceError> {
+        if text == "-" {
+            return Err(CorrectionSourceError::StandardInput);
+        }
+        if LiveSource::is_named_by(text) {
+            return Ok(Self::Live(text.parse()?));
+        }
+        Ok(Self::File(text.into()))
+    }
+}
+
+/// What has come.
+#[derive(Debug, Default)]
+pub(crate) struct News {
+    /// Ephemerides.
+    pub(crate) navigation: OwnNavigation,
+    /// Epochs of bases: number, epoch, position.
+    pub(crate) bases: Vec<(usize, ObservationEpoch, Ecef)>,
+}
+
+/// All sources of an agent, at work.
+pub(crate) struct Feed {
+    inputs: Vec<Input>,
+    base_position: Option<Ecef>,
+    rover: RoverPosition,
+    stop: Stop,
+    skips: Skips,
+}
+
+enum Input {
+    Recorded(Box<Recorded>),
+    Live(Live),
+}
+
+/// A live source's thread.
+struct Live {
+    name: String,
+    inbox: Arc<Inbox>,
+    thread: JoinHandle<()>,
+}
+
+impl Feed {
+    /// Opens files and starts threads. `near` is an instant near the beginning of live sources.
+    pub(crate) fn open(corrections: &Corrections, near: GpsTime) -> Result<Self, SourceError> {
+        let (rover, stop) = (RoverPosition::default(), Stop::default());
+        let mut inputs = Vec::with_capacity(corrections.sources.len());
+        for source in &corrections.sources {
+            inputs.push(match source {
+                CorrectionSource::File(path) => Input::Recorded(Box::new(Recorded::open(path)?)),
+                CorrectionSource::Live(source) => {
+                    let inbox = Arc::new(Inbox::default());
+                    let thread = inbox::start(source, &rover, &inbox, &stop, near);
+                    let thread =
+                        thread.map_err(|cause| SourceError::Live { name: source.to_string(), cause })?;
+                    Input::Live(Live { name: source.to_string(), inbox, thread })
+                }
+            });
+        }
+        Ok(Self { inputs, base_position: corrections.base_position, rover, stop, skips: Skips::default() })
+    }
+
+    /// Waits until every live source has brought a base's epoch or ended, but not longer than `patience`: a recording does
+    /// not wait for them later.
+    pub(crate) fn wait_for_first(&self, patience: Duration, stop: &Stop) {
+        let start = Instant::now();
+        for input in &self.inputs {
+            let Input::Live(live) = input else { continue };
+            while !live.inbox.has_begun() && start.elapsed() < patience && !stop.sleep(LOOK / 4) {}
+        }
+    }
+
+    /// What is known at an instant and was not before.
+    ///
+    /// # Errors
+    /// When a recorded source cannot be used.
+    pub(crate) fn until(&mut self, time_gps: GpsTime, stop: &Stop) -> Result<News, SourceError> {
+        let mut news = News::default();
+        for (base, input) in self.inputs.iter_mut().enumerate() {
+            let arrived = match input {
+                Input::Recorded(recorded) => recorded.until(time_gps, stop)?,
+                Input::Live(live) => live.inbox.take().into(),
+            };
+            for Arrived { record, station } in arrived {
+                let Some(epoch) = news.navigation.take(record) else { continue };
+                match self.base_position.or(station) {
+                    Some(position) => news.bases.push((base, epoch, position)),
+                    None => self.skips.add(
+                        "base epoch without a position of the base, not used: --base-position gives one",
+                        || epoch.time_gps.to_string(),
+                    ),
+                }
+            }
+        }
+        Ok(news)
+    }
+
+    /// Tells casters where the rover is.
+    pub(crate) fn tell(&self, position: Ecef) {
+        self.rover.set(position);
+    }
+
+    /// Ends the threads and says what was skipped.
+    pub(crate) fn finish(mut self) -> Skips {
+        self.stop.request();
+        let start = Instant::now();
+        for input in &self.inputs {
+            match input {
+                Input::Recorded(recorded) => self.skips.merge(&recorded.skips().with_prefix("corrections: ")),
+                Input::Live(live) => {
+                    // One that hangs in a connection attempt ends with the process.
+                    while !live.thread.is_finished() && start.elapsed() < LAST_WORDS {
+                        std::thread::sleep(LOOK / 10);
+                    }
+                    self.skips.merge(&live.inbox.skips(&live.name).with_prefix("corrections: "));
+                }
+            }
+        }
+        self.skips
+    }
+}
+
+/// A record, and where its stream says that the station is.
+#[derive(Debug)]
+struct Arrived {
+    record: Record,
+    station: Option<Ecef>,
+}
+
+/// `X,Y,Z` in metres.
+///
+/// # Errors
+/// When it is no place near the Earth's surface.
+pub fn base_position(text: &str) -> Result<Ecef, String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|field| field.trim().parse().ok()).collect();
+    let [x, y, z] = numbers[..] else {
+        return Err("write three numbers, X,Y,Z in metres (ECEF)".to_owned());
+    };
+    let position = Ecef::new(x, y, z);
+    let height_m = position.ecef_to_geodetic().height_m;
+    if !(-1_000.0..=10_000.0).contains(&height_m) {
+        return Err(format!("that is {height_m:.0} m above the ellipsoid; write X,Y,Z in metres (ECEF)"));
+    }
+    Ok(position)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_are_told_apart() {
+        assert_eq!("base.rnx".parse(), Ok(CorrectionSource::File("base.rnx".into())));
+        let caster: CorrectionSource = "ntrip://me:secret@host/M".parse().unwrap();
+        assert!(matches!(caster, CorrectionSource::Live(LiveSource::Ntrip { .. })));
+        assert!(matches!("tcp://h:1".parse(), Ok(CorrectionSource::Live(LiveSource::Tcp { .. }))));
+        assert_eq!("-".parse::<CorrectionSource>(), Err(CorrectionSourceError::StandardInput));
+        let error = "ntrip://me:secret@host".parse::<CorrectionSource>().unwrap_err().to_string();
+        assert!(error.contains("mount point") && !error.contains("secret"), "{error}");
+    }
+
+    #[test]
+    fn a_position_is_near_the_ground() {
+        let place = base_position("-3817681.1213, 3562839.4311,3650159.1593").unwrap();
+        assert_eq!(place, Ecef::new(-3_817_681.121_3, 3_562_839.431_1, 3_650_159.159_3));
+        for (text, said) in [
+            ("35.1,136.9,104", "above the ellipsoid"),
+            ("1,2", "three numbers"),
+            ("1,2,x", "three"),
+            ("NaN,0,0", "above"),
+        ] {
+            let error = base_position(text).unwrap_err();
+            assert!(error.contains(said), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! Connections to servers that send bytes: opened again when they are lost.
+
+use std::io::{self, Read};
+use std::time::{Duration, Instant};
+
+use super::tcp::Plain;
+use super::{Bytes, PORTION_BYTES, Portion};
+use crate::Stop;
+
+/// How a connection is made.
+pub trait Dial {
+    /// The server's name for messages, without secrets.
+    fn name(&self) -> String;
+
+    /// Makes one attempt. What comes out gives bytes as they come, 0 at the end, and an error of kind `WouldBlock` or `TimedOut` when
+    /// nothing came for [`super::LOOK`].
+    ///
+    /// # Errors
+    /// When there is no connection.
+    fn dial(&mut self, stop: &Stop) -> Result<Box<dyn Read>, DialError>;
+}
+
+/// Why there is no connection.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DialError {
+    /// Another attempt may help.
+    Failed(String),
+    /// The server is there and says no: unless it has served before, another attempt will not help.
+    Refused(String),
+}
+
+impl From<io::Error> for DialError {
+    fn from(error: io::Error) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+/// How a lost connection is tried again: after `first`, then after twice as long each time, but never longer than
+/// `longest`, until `attempts` in a row brought no byte.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Backoff {
+    /// The first wait.
+    pub first: Duration,
+    /// The longest wait.
+    pub longest: Duration,
+    /// Attempts in a row without a byte before giving up.
+    pub attempts: u32,
+    /// A connection on which nothing comes for so long counts as lost.
+    pub silence: Duration,
+}
+
+impl Default for Backoff {
+    /// 0.5 s to 30 s, twelve attempts: four minutes. Silence of a minute.
+    fn default() -> Self {
+        Self {
+            first: Duration::from_millis(500),
+            longest: Duration::from_secs(30),
+            attempts: 12,
+            silence: Duration::from_mins(1),
+        }
+    }
+}
+
+impl Backoff {
+    /// The wait before another attempt after `number` of them; the first is at once.
+    fn wait(&self, number: u32) -> Duration {
+        match number.checked_sub(1) {
+            None => Duration::ZERO,
+            Some(doublings) => {
+                self.first.saturating_mul(1_u32.checked_shl(doublings).unwrap_or(u32::MAX)).min(self.longest)
+            }
+        }
+    }
+}
+
+/// A connection that is opened again when it is lost.
+pub struct Connected {
+    dial: Box<dyn Dial>,
+    backoff: Backoff,
+    stream: Option<Box<dyn Read>>,
+    /// Attempts since the last byte, the one that brought it included.
+    attempts: u32,
+    /// Since when nothing came.
+    silent_since: Instant,
+    /// Whether bytes came before the connection was lost.
+    interrupted: bool,
+    /// Whether bytes ever came.
+    has_served: bool,
+    last_words: Option<String>,
+}
+
+impl Connected {
+    /// A connection to `HOST:PORT`, opened when bytes are first asked for.
+    pub fn new(address: &str, backoff: Backoff) -> Self {
+        Self::by(Box::new(Plain::new(address)), backoff)
+    }
+
+    /// A connection that is made in a way of its own, when bytes are first asked for.
+    pub fn by(dial: Box<dyn Dial>, backoff: Backoff) -> Self {
+        Self {
+            dial,
+            backoff,
+            stream: None,
+            attempts: 0,
+            silent_since: Instant::now(),
+            interrupted: false,
+            has_served: false,
+            last_words: None,
+        }
+    }
+
+    /// Tries once to connect, after the wait that is due.
+    fn connect(&mut self, stop: &Stop) {
+        let wait = self.backoff.wait(self.attempts);
+        self.attempts += 1;
+        if stop.is_requested() || !wait.is_zero() && stop.sleep(wait) {
+            return;
+        }
+        match self.dial.dial(stop) {
+            Ok(stream) => {
+                tracing::info!("connected to {}", self.dial.name());
+                self.stream = Some(stream);
+                self.silent_since = Instant::now();
+            }
+            Err(_) if stop.is_requested() => {}
+            Err(DialError::Refused(reason)) if !self.has_served => {
+                self.attempts = self.backoff.attempts;
+                self.last_words = Some(format!("{}: {reason}", self.dial.name()));
+            }
+            Err(DialError::Failed(reason) | DialError::Refused(reason)) => self.failed(&reason),
+        }
+    }
+
+    /// Notes that the connection is not there, and says when it is tried again.
+    fn failed(&mut self, reason: &str) {
+        self.stream = None;
+        let (name, attempts) = (self.dial.name(), self.attempts);
+        if attempts < self.backoff.attempts {
+            let wait_s = self.backoff.wait(attempts).as_secs_f64();
+            tracing::warn!("{name}: {reason}; trying again in {wait_s} s");
+        }
+        self.last_words = Some(format!("{name}: {reason}; {attempts} attempts in a row brought no byte"));
+    }
+
+    /// Reads once; `None` when nothing came in time or the connection was lost.
+    fn read(&mut self, buffer: &mut [u8]) -> Option<usize> {
+        let stream = self.stream.as_mut()?;
+        match stream.read(buffer) {
+            Ok(0) => self.failed("the server closed the connection"),
+            Ok(count) => {
+                self.silent_since = Instant::now();
+                // The next attempt waits: a server that accepts and drops must not be asked without pause.
+                self.attempts = 1;
+                self.has_served = true;
+                return Some(count);
+            }
+            Err(error) if is_no_news(&error) => {
+                if self.silent_since.elapsed() > self.backoff.silence {
+                    let silence_s = self.backoff.silence.as_secs_f64();
+                    self.failed(&format!("nothing came for {silence_s} s"));
+                }
+            }
+            Err(error) => self.failed(&error.to_string()),
+        }
+        None
+    }
+}
+
+/// Whether a read merely brought nothing in time.
+pub(super) fn is_no_news(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
+}
+
+impl Bytes for Connected {
+    fn next(&mut self, buffer: &mut Vec<u8>, stop: &Stop) -> io::Result<Portion> {
+        loop {
+            if stop.is_requested() {
+                return Ok(Portion::End);
+            }
+            if self.stream.is_none() {
+                if self.attempts >= self.backoff.attempts {
+                    return Ok(Portion::Lost);
+                }
+                self.connect(stop);
+                if self.stream.is_some() && std::mem::take(&mut self.interrupted) {
+                    return Ok(Portion::Broken);
+                }
+                continue;
+            }
+            buffer.resize(PORTION_BYTES, 0);
+            if let Some(count) = self.read(buffer) {
+                buffer.truncate(count);
+                self.interrupted = true;
+                return Ok(Portion::Bytes);
+            }
+        }
+    }
+
+    fn last_words(&self) -> Option<&str> {
+        self.last_words.as_deref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waits_double_up_to_the_longest() {
+        let backoff = Backoff::default();
+        let waits: Vec<_> = (0..9).map(|number| backoff.wait(number).as_secs_f64()).collect();
+        assert_eq!(waits, [0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0]);
+        assert_eq!(backoff.wait(u32::MAX), backoff.longest);
+    }
+}

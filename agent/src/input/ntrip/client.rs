@@ -1,0 +1,254 @@
+//! Asks a caster for a stream and reads it.
+
+use std::io::{self, Read, Write};
+use std::net::TcpStream;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use cofix_common::frames::Ecef;
+
+use super::address::{Caster, Mount};
+use super::chunks::{Chunks, Damaged};
+use super::gga;
+use super::reply::{self, Reply};
+use crate::Stop;
+use crate::input::connection::{Dial, DialError, is_no_news};
+use crate::input::{PORTION_BYTES, tcp};
+use crate::source;
+
+/// Longest wait for a caster's reply.
+const REPLY: Duration = Duration::from_secs(10);
+/// How often a caster hears where the rover is.
+const REPORT: Duration = Duration::from_secs(10);
+
+/// Where the rover is, as far as that is known. Clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct RoverPosition(Arc<Mutex<Option<Ecef>>>);
+
+impl RoverPosition {
+    /// Tells it.
+    pub fn set(&self, position: Ecef) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(position);
+    }
+
+    /// The last one told.
+    pub fn get(&self) -> Option<Ecef> {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// How a caster is spoken to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Revision {
+    First,
+    Second,
+}
+
+/// A client for one stream of a caster.
+pub struct Client {
+    mount: Mount,
+    rover: RoverPosition,
+    revision: Revision,
+}
+
+impl Client {
+    /// A client that tells the caster where `rover` is.
+    pub const fn new(mount: Mount, rover: RoverPosition) -> Self {
+        Self { mount, rover, revision: Revision::Second }
+    }
+
+    fn refusal(&mut self, reply: Reply) -> DialError {
+        let Mount { caster, mount } = &self.mount;
+        match reply {
+            Reply::Unauthorized(text) => DialError::Refused(unauthorized(caster, &text)),
+            Reply::NotFound(text) => DialError::Refused(no_such_mount(caster, mount, &text)),
+            Reply::Sourcetable { .. } => {
+                DialError::Refused(no_such_mount(caster, mount, "it sent its sourcetable"))
+            }
+            Reply::NotUnderstood(text) if self.revision == Revision::Second => {
+                self.revision = Revision::First;
+                DialError::Failed(format!(
+                    "the caster does not understand NTRIP 2 ({text}): asking as NTRIP 1"
+                ))
+            }
+            Reply::NotUnderstood(text) | Reply::Other(text) => {
+                DialError::Failed(format!("the caster answers '{text}'"))
+            }
+            Reply::Stream { .. } => DialError::Failed("the stream is there".to_owned()),
+        }
+    }
+}
+
+/// What to do about a refused account.
+pub(super) fn unauthorized(caster: &Caster, said: &str) -> String {
+    match caster.user() {
+        Some(user) => {
+            format!("the caster refuses user '{user}' ({said}): check user, password and their rights")
+        }
+        None => format!("the caster wants an account ({said}): write ntrip://USER:PASSWORD@HOST:PORT/MOUNT"),
+    }
+}
+
+fn no_such_mount(caster: &Caster, mount: &str, said: &str) -> String {
+    format!(
+        "the caster has no mount point '{mount}' now ({said}): list them with 'cofix-agent sourcetable {caster}'"
+    )
+}
+
+impl Dial for Client {
+    fn name(&self) -> String {
+        self.mount.to_string()
+    }
+
+    fn dial(&mut self, stop: &Stop) -> Result<Box<dyn Read>, DialError> {
+        let mut tcp = tcp::open(&self.mount.caster.address())?;
+        let position = self.rover.get().map(sentence_now);
+        let gga = position.filter(|_| self.revision == Revision::Second);
+        let path = format!("/{}", self.mount.mount);
+        tcp.write_all(request(&self.mount.caster, &path, self.revision, gga.as_deref()).as_bytes())?;
+        let (reply, body) = await_reply(&mut tcp, stop)?;
+        match reply {
+            Reply::Stream { chunked } => {
+                let mut stream = Stream::new(tcp, chunked, self.rover.clone());
+                stream.body.take(&body);
+                Ok(Box::new(stream))
+            }
+            refusal => Err(self.refusal(refusal)),
+        }
+    }
+}
+
+fn sentence_now(position: Ecef) -> String {
+    gga::sentence(position, source::now())
+}
+
+/// The request for a path. A position goes into it as revision 2 has it.
+pub(super) fn request(caster: &Caster, path: &str, revision: Revision, gga: Option<&str>) -> String {
+    let mut lines = match revision {
+        Revision::First => vec![format!("GET {path} HTTP/1.0")],
+        Revision::Second => vec![
+            format!("GET {path} HTTP/1.1"),
+            format!("Host: {}", caster.address()),
+            "Ntrip-Version: Ntrip/2.0".to_owned(),
+        ],
+    };
+    lines.push(format!("User-Agent: NTRIP cofix-agent/{}", env!("CARGO_PKG_VERSION")));
+    lines.extend(caster.authorization().map(|authorization| format!("Authorization: {authorization}")));
+    lines.extend(gga.map(|gga| format!("Ntrip-GGA: {}", gga.trim_end())));
+    lines.extend(["Accept: */*", "Connection: close", "", ""].map(str::to_owned));
+    lines.join("\r\n")
+}
+
+/// Reads a caster's reply; and what came of its data with it.
+pub(super) fn await_reply(tcp: &mut TcpStream, stop: &Stop) -> Result<(Reply, Vec<u8>), DialError> {
+    let asked = Instant::now();
+    let (mut bytes, mut buffer) = (Vec::new(), vec![0; 4_096]);
+    while asked.elapsed() < REPLY && !stop.is_requested() {
+        let ended = match tcp.read(&mut buffer) {
+            Ok(count) => {
+                bytes.extend_from_slice(buffer.get(..count).unwrap_or_default());
+                count == 0
+            }
+            Err(error) if is_no_news(&error) => continue,
+            Err(error) => return Err(error.into()),
+        };
+        if ended && bytes.is_empty() {
+            return Err(DialError::Failed("the caster closed the connection without a reply".to_owned()));
+        }
+        if let Some((reply, length)) = reply::read(&bytes, ended) {
+            return Ok((reply, bytes.split_off(length.min(bytes.len()))));
+        }
+    }
+    let waited_s = REPLY.as_secs();
+    Err(DialError::Failed(format!("the caster did not reply within {waited_s} s")))
+}
+
+/// The data of a reply, freed of the transfer's coding.
+pub(super) struct Body {
+    chunks: Option<Chunks>,
+    ready: Vec<u8>,
+    given: usize,
+    damaged: bool,
+}
+
+impl Body {
+    pub(super) fn new(chunked: bool) -> Self {
+        Self { chunks: chunked.then(Chunks::default), ready: Vec::new(), given: 0, damaged: false }
+    }
+
+    /// Takes bytes as they came.
+    pub(super) fn take(&mut self, bytes: &[u8]) {
+        match &mut self.chunks {
+            None => self.ready.extend_from_slice(bytes),
+            Some(chunks) => self.damaged |= chunks.feed(bytes, &mut self.ready).is_err(),
+        }
+    }
+
+    /// Gives what is ready.
+    pub(super) fn give(&mut self, buffer: &mut [u8]) -> usize {
+        let ready = self.ready.get(self.given..).unwrap_or_default();
+        let count = ready.len().min(buffer.len());
+        for (to, from) in buffer.iter_mut().zip(ready) {
+            *to = *from;
+        }
+        self.given += count;
+        if self.given == self.ready.len() {
+            self.ready.clear();
+            self.given = 0;
+        }
+        count
+    }
+
+    /// Whether nothing more comes although the connection may stay.
+    ///
+    /// # Errors
+    /// When what came last is damaged.
+    pub(super) fn is_complete(&self) -> io::Result<bool> {
+        if self.damaged {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, Damaged));
+        }
+        Ok(self.chunks.as_ref().is_some_and(Chunks::is_complete))
+    }
+}
+
+/// A stream that was granted.
+struct Stream {
+    tcp: TcpStream,
+    body: Body,
+    rover: RoverPosition,
+    reported: Option<Instant>,
+    raw: Vec<u8>,
+}
+
+impl Stream {
+    fn new(tcp: TcpStream, chunked: bool, rover: RoverPosition) -> Self {
+        Self { tcp, body: Body::new(chunked), rover, reported: None, raw: vec![0; PORTION_BYTES] }
+    }
+
+    /// Tells the caster where the rover is, when that is due.
+    fn report(&mut self) -> io::Result<()> {
+        let is_due = self.reported.is_none_or(|at| at.elapsed() >= REPORT);
+        if let Some(position) = self.rover.get().filter(|_| is_due) {
+            self.tcp.write_all(sentence_now(position).as_bytes())?;
+            self.reported = Some(Instant::now());
+        }
+        Ok(())
+    }
+}
+
+impl Read for Stream {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.report()?;
+        loop {
+            let count = self.body.give(buffer);
+            if count > 0 || self.body.is_complete()? {
+                return Ok(count);
+            }
+            let read = self.tcp.read(&mut self.raw)?;
+            if read == 0 {
+                return Ok(0);
+            }
+            self.body.take(self.raw.get(..read).unwrap_or_default());
+        }
+    }
+}

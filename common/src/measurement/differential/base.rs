@@ -1,0 +1,162 @@
+//! A base's epoch and its corrections.
+
+use super::clock::common;
+use super::{CorrectedObservation, Corrector, DifferentialOptions};
+use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::frames::Ecef;
+use crate::gnss::{ClockGroup, Constellation, ObservationEpoch, SatelliteId, SignalCode};
+use crate::orbit::{Products, SatelliteState};
+use crate::skips::Skips;
+use crate::time::GpsTime;
+
+/// One epoch of a base. Its corrections are computed when they are first asked for.
+#[derive(Clone, Debug)]
+pub(super) struct BaseEpoch {
+    epoch: ObservationEpoch,
+    position: Ecef,
+    corrections: Option<Vec<BaseCorrection>>,
+    /// Whether refused signals have been named.
+    is_counted: bool,
+}
+
+/// The correction of one signal of one satellite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BaseCorrection {
+    pub(super) satellite: SatelliteId,
+    pub(super) signal: SignalCode,
+    /// To be taken from the rover's pseudorange, m.
+    pub(super) correction_m: f64,
+    /// Its variance at the base and at its own time, m².
+    pub(super) variance_m2: f64,
+    /// It differs from its fellows by too much.
+    pub(super) is_refused: bool,
+    /// When the satellite sent what the base received.
+    sent: GpsTime,
+}
+
+impl BaseEpoch {
+    pub(super) const fn new(epoch: ObservationEpoch, position: Ecef) -> Self {
+        Self { epoch, position, corrections: None, is_counted: false }
+    }
+
+    pub(super) const fn time_gps(&self) -> GpsTime {
+        self.epoch.time_gps
+    }
+
+    pub(super) const fn position(&self) -> Ecef {
+        self.position
+    }
+
+    /// What was computed is no longer right.
+    pub(super) fn forget(&mut self) {
+        self.corrections = None;
+    }
+
+    /// The corrections; refused ones are named once.
+    pub(super) fn corrections(
+        &mut self,
+        corrector: &mut Corrector,
+        options: &DifferentialOptions,
+        skips: &mut Skips,
+    ) -> &[BaseCorrection] {
+        if self.corrections.is_none() {
+            let mut news = Skips::default();
+            self.corrections = Some(compute(&self.epoch, self.position, corrector, options, &mut news));
+            if !std::mem::replace(&mut self.is_counted, true) {
+                skips.merge(&news);
+            }
+        }
+        self.corrections.as_deref().unwrap_or_default()
+    }
+}
+
+fn compute(
+    epoch: &ObservationEpoch,
+    position: Ecef,
+    corrector: &mut Corrector,
+    options: &DifferentialOptions,
+    skips: &mut Skips,
+) -> Vec<BaseCorrection> {
+    let prepared = corrector.prepare(epoch);
+    let (observations, masked) = corrector.finish(&prepared, position, epoch.time_gps);
+    skips.merge(&masked.with_prefix("base: "));
+    let mut groups: Vec<ClockGroup> = observations.iter().map(CorrectedObservation::clock_group).collect();
+    groups.sort();
+    groups.dedup();
+    let mut corrections = Vec::with_capacity(observations.len());
+    for group in groups {
+        let fellows: Vec<_> = observations.iter().filter(|o| o.clock_group() == group).collect();
+        let left = |o: &CorrectedObservation| o.pseudorange_m - o.satellite_position.distance_m(position);
+        let values: Vec<_> = fellows.iter().map(|o| (left(o), o.pseudorange_sigma_m)).collect();
+        let Some((clock_m, outliers)) = common(&values, options.outlier_sigmas) else { continue };
+        for ((observation, (left_m, sigma_m)), is_refused) in fellows.iter().zip(values).zip(outliers) {
+            let correction_m = left_m - clock_m;
+            if is_refused {
+                skips.add("base's value stands apart from its fellows, refused", || {
+                    let (satellite, signal, time) =
+                        (observation.satellite, observation.signal, epoch.time_gps);
+                    format!(
+                        "{satellite} {signal} at {time}: {correction_m:.1} m, expected are {sigma_m:.1} m"
+                    )
+                });
+            }
+            corrections.push(BaseCorrection {
+                satellite: observation.satellite,
+                signal: observation.signal,
+                correction_m,
+                variance_m2: options
+                    .base_code
+                    .variance(observation.cn0_dbhz, observation.direction.elevation_rad),
+                is_refused,
+                sent: epoch.time_gps + -(observation.pseudorange_m / SPEED_OF_LIGHT_MPS),
+            });
+        }
+    }
+    corrections
+}
+
+impl BaseCorrection {
+    /// How the correction would be different by the message that is in force at `sent`, m, seen from the base. Zero when it is the same
+    /// message, and with precise orbits.
+    pub(super) fn change_of_message_m(&self, products: &Products, sent: GpsTime, base: Ecef) -> f64 {
+        if !has_changed(products, self.satellite, self.sent, sent) {
+            return 0.0;
+        }
+        let (Some(old), Ok(new)) = (
+            state_by(products, self.satellite, self.sent, sent),
+            products.satellite_state(self.satellite, sent),
+        ) else {
+            return 0.0;
+        };
+        if old.clock_reference != new.clock_reference {
+            return 0.0;
+        }
+        let observed =
+            |state: &SatelliteState| SPEED_OF_LIGHT_MPS * state.clock_s - state.position.distance_m(base);
+        observed(&new) - observed(&old)
+    }
+}
+
+/// Whether other messages of a satellite are in force at two instants.
+fn has_changed(products: &Products, satellite: SatelliteId, a: GpsTime, b: GpsTime) -> bool {
+    if satellite.constellation == Constellation::Glonass {
+        return products.glonass_ephemeris(satellite, a) != products.glonass_ephemeris(satellite, b);
+    }
+    // Group delays may be no numbers, which are never equal.
+    let issue =
+        |time| products.ephemeris(satellite, time).map(|e| (e.toe, e.toc, e.issue_of_data, e.message));
+    issue(a) != issue(b)
+}
+
+/// The state at an instant by the message in force at another.
+fn state_by(
+    products: &Products,
+    satellite: SatelliteId,
+    chosen: GpsTime,
+    at: GpsTime,
+) -> Option<SatelliteState> {
+    if satellite.constellation == Constellation::Glonass {
+        return products.glonass_ephemeris(satellite, chosen).map(|message| message.state(at));
+    }
+    products.ephemeris(satellite, chosen).map(|message| message.state(at))
+}

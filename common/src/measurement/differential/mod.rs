@@ -1,0 +1,355 @@
+//! Differential pseudorange corrections from a base station at a known place.
+//!
+//! Base and rover are corrected by the same models with the same products:
+//!
+//! P_c = P + c·dT_s − I − T + group delay correction.
+//!
+//! At the base the range ρ_b = |r_s − r_b| is known, so what the models leave there can be seen. The correction of a satellite's signal is
+//! what is left, less what all signals of its constellation and band have in common, which is the base's clock:
+//!
+//! Δ = P_c,b − ρ_b − clock_b,      rover: P_c,r − Δ.
+//!
+//! This is the classical correction P_b + c·dT_s − ρ_b with the model's difference between the two places,
+//! (I_r − I_b) + (T_r − T_b), taken into account: written out, the base's ionosphere and troposphere cancel against the true ones that both
+//! see, and the models only have to know by how much rover and base *differ*. So a long baseline and a difference in height do no
+//! harm, numbers are small, and they age slowly. The group delay is that of the models on both sides and cancels.
+//!
+//! - The clock that is taken off is a robust weighted mean, so the correction of any one signal tells how it differs from its fellows;
+//!   what is common goes into the rover's own clock of that constellation and band.
+//! - A signal that differs from its fellows at the base by much more than they do among themselves is *refused*: either the base sees
+//!   it wrongly, or the satellite is at fault. It is not used at the rover either.
+//! - Corrections are held, not extrapolated: over a minute they change by less than the noise that a rate from two epochs would bring.
+//! - Another code on the same band of the same satellite is corrected with a larger sigma.
+//! - **Signals without a correction** stay beside corrected ones, on the same clock, with a larger sigma: the corrections' common part is zero by
+//!   construction, so nothing shifts, and a phone between houses cannot spare satellites that a base happens not to track. They
+//!   can be dropped instead. Where nothing is corrected, everything stays as it is.
+//! - Base and rover may fall into the validity of two messages of a satellite. The difference of the two messages goes into the correction.
+//!
+//! Range rates are left alone: what a base could correct in them is millimetres per second.
+//!
+//! *Not* sound: corrections of different epochs of a base are correlated in time (multipath at the base), which nobody downstream knows.
+//! Classical references: RTCM 10402.3 (message 1); Kaplan and Hegarty, Understanding GPS/GNSS, chapter 12.
+
+mod base;
+mod clock;
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use self::base::{BaseCorrection, BaseEpoch};
+use super::{CorrectedObservation, CorrectionOptions, Corrector, VarianceModel};
+use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::frames::Ecef;
+use crate::gnss::ObservationEpoch;
+use crate::orbit::Products;
+use crate::skips::Skips;
+use crate::time::GpsTime;
+
+/// Epochs of a base that are kept at most.
+const MOST_EPOCHS: usize = 1_000;
+/// A satellite that a base's last epoch lacks is looked for in so many before it.
+const LOOK_BACK: usize = 3;
+
+/// What the differential corrections may be told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DifferentialOptions {
+    /// Corrections older than this are not used, s.
+    pub maximum_age_s: f64,
+    /// Variance of the base's code, m².
+    pub base_code: VarianceModel,
+    /// How fast the standard deviation grows with the correction's age, m/s.
+    pub age_sigma_mps: f64,
+    /// How fast it grows with the distance between rover and base, m/m at the zenith; more near the horizon, with 1/sin e.
+    pub distance_sigma: f64,
+    /// Standard deviation that the correction of another code on the same band adds, m.
+    pub other_code_sigma_m: f64,
+    /// What becomes of signals without a correction beside others that have one.
+    pub uncorrected: Uncorrected,
+    /// A base's signal that is so many robust standard deviations from its fellows is refused.
+    pub outlier_sigmas: f64,
+}
+
+/// What becomes of signals without a correction beside others that have one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Uncorrected {
+    /// They stay, with this standard deviation more, m.
+    Kept {
+        /// The standard deviation that is added.
+        sigma_m: f64,
+    },
+    /// They are left out.
+    Dropped,
+}
+
+impl Default for DifferentialOptions {
+    fn default() -> Self {
+        Self {
+            maximum_age_s: 60.0,
+            base_code: VarianceModel::Elevation { ura: 0.2, zenith: 0.3 },
+            age_sigma_mps: 0.005,
+            distance_sigma: 4e-6,
+            other_code_sigma_m: 1.0,
+            uncorrected: Uncorrected::Kept { sigma_m: 3.0 },
+            outlier_sigmas: 5.0,
+        }
+    }
+}
+
+/// What happened to the observations of rover epochs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DifferentialCounts {
+    /// Corrected with the same signal.
+    pub corrected: u64,
+    /// Corrected with another code of the same band.
+    pub other_code: u64,
+    /// The base does not have the signal.
+    pub missing: u64,
+    /// The base's last epoch is too old.
+    pub too_old: u64,
+    /// The base's own value is refused, and the observation dropped.
+    pub refused: u64,
+}
+
+impl DifferentialCounts {
+    /// Adds another's counts.
+    pub const fn add(&mut self, other: Self) {
+        self.corrected += other.corrected;
+        self.other_code += other.other_code;
+        self.missing += other.missing;
+        self.too_old += other.too_old;
+        self.refused += other.refused;
+    }
+}
+
+/// What [`Differential::apply`] did with one epoch; it counts only if that position stands.
+#[derive(Clone, Debug, Default)]
+pub struct Applied {
+    /// How many of what.
+    pub counts: DifferentialCounts,
+    /// What was left out or used with less than a correction, by reason.
+    pub skips: Skips,
+}
+
+/// Corrections of one or several bases.
+#[derive(Clone, Debug)]
+pub struct Differential {
+    corrector: Corrector,
+    products: Arc<Products>,
+    correction: CorrectionOptions,
+    options: DifferentialOptions,
+    /// By the number that the caller gives them; epochs in order of time.
+    bases: Vec<VecDeque<BaseEpoch>>,
+    skips: Skips,
+}
+
+impl Differential {
+    /// No base yet. Masks and models of the bases are those of the rover.
+    pub fn new(products: Arc<Products>, correction: CorrectionOptions, options: DifferentialOptions) -> Self {
+        Self {
+            corrector: Corrector::new(Arc::clone(&products), correction),
+            products,
+            correction,
+            options,
+            bases: Vec::new(),
+            skips: Skips::default(),
+        }
+    }
+
+    /// Goes on with other products; what was computed from the former ones is computed again.
+    pub fn set_products(&mut self, products: Arc<Products>) {
+        self.skips.merge(&self.corrector.skips().with_prefix("base: "));
+        self.corrector = Corrector::new(Arc::clone(&products), self.correction);
+        self.products = products;
+        for epoch in self.bases.iter_mut().flatten() {
+            epoch.forget();
+        }
+    }
+
+    /// Takes an epoch of base number `base`, whose antenna is at `position`. Epochs of a base come in order of time.
+    pub fn add(&mut self, base: usize, epoch: ObservationEpoch, position: Ecef) {
+        if self.bases.len() <= base {
+            self.bases.resize_with(base + 1, VecDeque::new);
+        }
+        let Some(epochs) = self.bases.get_mut(base) else { return };
+        let oldest = epoch.time_gps + -self.options.maximum_age_s;
+        while epochs.len() >= MOST_EPOCHS || epochs.front().is_some_and(|first| first.time_gps() < oldest) {
+            epochs.pop_front();
+        }
+        epochs.push_back(BaseEpoch::new(epoch, position));
+    }
+
+    /// Whether there is any base epoch.
+    pub fn is_empty(&self) -> bool {
+        self.bases.iter().all(VecDeque::is_empty)
+    }
+
+    /// What was skipped at the bases so far, by reason.
+    pub fn skips(&self) -> Skips {
+        let mut all = self.skips.clone();
+        all.merge(&self.corrector.skips().with_prefix("base: "));
+        all
+    }
+
+    /// Corrects the observations of an epoch that were made for a rover at `rover`. Of the bases with a fresh epoch the nearest serves.
+    pub fn apply(
+        &mut self,
+        observations: &mut Vec<CorrectedObservation>,
+        rover: Ecef,
+        time_gps: GpsTime,
+    ) -> Applied {
+        let mut applied = Applied::default();
+        let Some((base, newest)) = self.choose(rover, time_gps) else {
+            self.count_stale(observations, time_gps, &mut applied);
+            return applied;
+        };
+        let found: Vec<Found> =
+            observations.iter().map(|observation| self.find(base, newest, observation, time_gps)).collect();
+        let any = found.iter().any(|found| matches!(found, Found::Corrected { .. }));
+        let mut found = found.into_iter();
+        observations.retain_mut(|observation| {
+            let found = found.next().unwrap_or(Found::Missing);
+            self.settle(observation, found, (rover, time_gps), any, &mut applied)
+        });
+        applied
+    }
+
+    /// The base to use, and its epoch: of those with one that is not too old, the nearest; its last one that is not later than
+    /// the rover's, or the next one after.
+    fn choose(&self, rover: Ecef, time_gps: GpsTime) -> Option<(usize, usize)> {
+        let fresh = self.bases.iter().enumerate().filter_map(|(base, epochs)| {
+            let later = epochs.partition_point(|epoch| epoch.time_gps() <= time_gps);
+            let newest = later.saturating_sub(1);
+            let epoch = epochs.get(newest)?;
+            let age_s = (time_gps - epoch.time_gps()).abs();
+            let distance_m = epoch.position().distance_m(rover);
+            (age_s <= self.options.maximum_age_s).then_some((distance_m, base, newest))
+        });
+        fresh.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, base, newest)| (base, newest))
+    }
+
+    fn count_stale(&self, observations: &[CorrectedObservation], time_gps: GpsTime, applied: &mut Applied) {
+        let count = observations.len() as u64;
+        let last = self.bases.iter().flatten().map(BaseEpoch::time_gps).max();
+        let Some(last) = last else {
+            applied.counts.missing = count;
+            applied.skips.add("epoch without corrections, used uncorrected", || format!("{time_gps}"));
+            return;
+        };
+        applied.counts.too_old = count;
+        applied.skips.add("epoch whose corrections are too old, used uncorrected", || {
+            format!("{time_gps}: {:.1} s, the limit is {} s", time_gps - last, self.options.maximum_age_s)
+        });
+    }
+
+    /// Looks for the correction of one observation.
+    fn find(
+        &mut self,
+        base: usize,
+        newest: usize,
+        observation: &CorrectedObservation,
+        time_gps: GpsTime,
+    ) -> Found {
+        let oldest = newest.saturating_sub(LOOK_BACK);
+        let mut other = None;
+        for at in (oldest..=newest).rev() {
+            let Some(epoch) = self.bases.get_mut(base).and_then(|epochs| epochs.get_mut(at)) else {
+                continue;
+            };
+            let age_s = (time_gps - epoch.time_gps()).abs();
+            if age_s > self.options.maximum_age_s {
+                break;
+            }
+            let position = epoch.position();
+            let corrections = epoch.corrections(&mut self.corrector, &self.options, &mut self.skips);
+            let of_band = |c: &&BaseCorrection| {
+                c.satellite == observation.satellite && c.signal.band == observation.signal.band
+            };
+            let same = corrections.iter().filter(of_band).find(|c| c.signal == observation.signal);
+            let found = |correction: &BaseCorrection, other_code| Found::Corrected {
+                correction: *correction,
+                position,
+                age_s,
+                other_code,
+            };
+            match same {
+                Some(correction) if correction.is_refused => return Found::Refused,
+                Some(correction) => return found(correction, false),
+                None => {
+                    let of_other_code = corrections.iter().filter(of_band).find(|c| !c.is_refused);
+                    other = other.or_else(|| of_other_code.map(|correction| found(correction, true)));
+                }
+            }
+        }
+        other.unwrap_or(Found::Missing)
+    }
+
+    /// Applies what was found; whether the observation stays.
+    fn settle(
+        &self,
+        observation: &mut CorrectedObservation,
+        found: Found,
+        (rover, time_gps): (Ecef, GpsTime),
+        any: bool,
+        applied: &mut Applied,
+    ) -> bool {
+        let name = || format!("{} {} at {time_gps}", observation.satellite, observation.signal);
+        match found {
+            Found::Corrected { correction, position, age_s, other_code } => {
+                let code = self.correction.stochastic.code;
+                let code_m2 = code.variance(observation.cn0_dbhz, observation.direction.elevation_rad);
+                let elevation_sine = observation.direction.elevation_rad.sin().max(0.1);
+                let distance_m = position.distance_m(rover);
+                let mut variance_m2 = code_m2
+                    + correction.variance_m2
+                    + (self.options.age_sigma_mps * age_s).powi(2)
+                    + (self.options.distance_sigma * distance_m / elevation_sine).powi(2);
+                if other_code {
+                    applied.counts.other_code += 1;
+                    variance_m2 += self.options.other_code_sigma_m.powi(2);
+                    applied.skips.add("corrected with another code of the same band", || {
+                        format!("{}, by {}", name(), correction.signal)
+                    });
+                } else {
+                    applied.counts.corrected += 1;
+                }
+                let sent = time_gps + -(observation.pseudorange_m / SPEED_OF_LIGHT_MPS);
+                let change_m = correction.change_of_message_m(&self.products, sent, position);
+                observation.pseudorange_m -= correction.correction_m + change_m;
+                observation.pseudorange_sigma_m = variance_m2.sqrt();
+                true
+            }
+            Found::Refused => {
+                applied.counts.refused += 1;
+                applied.skips.add("base's value refused, observation dropped", name);
+                false
+            }
+            Found::Missing => {
+                applied.counts.missing += 1;
+                match self.options.uncorrected {
+                    Uncorrected::Dropped if any => {
+                        applied.skips.add("observation without a correction, dropped", name);
+                        false
+                    }
+                    Uncorrected::Kept { sigma_m } if any => {
+                        let reason = "observation without a correction, used with a larger sigma";
+                        applied.skips.add(reason, name);
+                        observation.pseudorange_sigma_m = observation.pseudorange_sigma_m.hypot(sigma_m);
+                        true
+                    }
+                    _ => {
+                        applied.skips.add("observation without a correction, used uncorrected", name);
+                        true
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What the bases know about one observation.
+#[derive(Clone, Copy, Debug)]
+enum Found {
+    Corrected { correction: BaseCorrection, position: Ecef, age_s: f64, other_code: bool },
+    Refused,
+    Missing,
+}

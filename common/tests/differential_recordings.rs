@@ -1,0 +1,281 @@
+//! Differential corrections on recordings of base and rover: what they bring against the truth.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
+use cofix_common::gnss::{Constellation, ObservationEpoch};
+use cofix_common::measurement::{
+    CorrectionOptions, Corrector, Differential, DifferentialCounts, DifferentialOptions, without_position,
+};
+use cofix_common::orbit::Products;
+use cofix_common::rinex::{NavigationFile, ObservationFile};
+use cofix_common::solve::solve_position;
+use cofix_common::time::GpsTime;
+
+fn shared(path: &str) -> Option<Vec<u8>> {
+    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(path);
+    let bytes = std::fs::read(&path).ok();
+    if bytes.is_none() {
+        println!("skipped: {} is not here", path.display());
+    }
+    bytes
+}
+
+fn observations(path: &str) -> Option<Vec<ObservationEpoch>> {
+    Some(ObservationFile::parse(&shared(path)?).unwrap().epochs)
+}
+
+fn products(path: &str) -> Option<Arc<Products>> {
+    let file = NavigationFile::parse(&shared(path)?).unwrap();
+    Some(Arc::new(Products::new(Vec::new(), vec![file])))
+}
+
+/// A rover's session beside a base.
+struct Session {
+    products: Arc<Products>,
+    rover: Vec<ObservationEpoch>,
+    base: Vec<ObservationEpoch>,
+    base_position: Ecef,
+    correction: CorrectionOptions,
+    /// A base epoch is known so long after its time.
+    latency_s: f64,
+}
+
+/// Positions of the epochs that can be solved.
+#[derive(Default)]
+struct Solved {
+    positions: Vec<(GpsTime, Ecef)>,
+    /// Standard deviations of the positions over errors: root mean square of what the covariance promises, m.
+    promised_m: f64,
+    counts: DifferentialCounts,
+}
+
+impl Session {
+    fn mask(degrees: f64) -> CorrectionOptions {
+        CorrectionOptions { elevation_mask_rad: degrees.to_radians(), ..CorrectionOptions::default() }
+    }
+
+    /// Only the given systems and bands.
+    fn keep(mut self, wanted: &[(Constellation, u8)]) -> Self {
+        for epoch in self.rover.iter_mut().chain(&mut self.base) {
+            epoch.observations.retain(|o| wanted.contains(&(o.satellite.constellation, o.signal.band)));
+        }
+        self
+    }
+
+    /// Each epoch by itself; with corrections when there are options for them.
+    fn solve(&self, options: Option<DifferentialOptions>) -> Solved {
+        let mut corrector = Corrector::new(self.products.clone(), self.correction);
+        let mut differential =
+            options.map(|options| Differential::new(self.products.clone(), self.correction, options));
+        let mut base = self.base.iter().peekable();
+        let mut solved = Solved::default();
+        for epoch in &self.rover {
+            if let Some(differential) = &mut differential {
+                while let Some(known) = base.next_if(|b| b.time_gps + self.latency_s <= epoch.time_gps) {
+                    differential.add(0, known.clone(), self.base_position);
+                }
+            }
+            let prepared = corrector.prepare(epoch);
+            let centre = Ecef::new(0.0, 0.0, 0.0);
+            let Ok(rough) = solve_position(&without_position(&prepared), centre) else { continue };
+            let mut position = rough.position();
+            for round in 0..2 {
+                let (mut corrected, _) = corrector.finish(&prepared, position, epoch.time_gps);
+                if let Some(differential) = &mut differential {
+                    let applied = differential.apply(&mut corrected, position, epoch.time_gps);
+                    if round == 1 {
+                        solved.counts.add(applied.counts);
+                    }
+                }
+                let Ok(fit) = solve_position(&corrected, position) else { break };
+                position = fit.position();
+                if round == 1 {
+                    solved.positions.push((epoch.time_gps, position));
+                    solved.promised_m += fit.position_covariance().trace();
+                }
+            }
+        }
+        solved.promised_m = (solved.promised_m / solved.positions.len() as f64).sqrt();
+        if let Some(differential) = &differential {
+            println!("    {:?}; {}", solved.counts, differential.skips());
+        }
+        solved
+    }
+}
+
+/// Percentiles of errors, m.
+#[derive(Clone, Copy, Debug)]
+struct Errors {
+    horizontal: (f64, f64),
+    vertical: (f64, f64),
+}
+
+fn errors(name: &str, solved: &Solved, truth: impl Fn(GpsTime) -> Option<Ecef>) -> Errors {
+    let (mut horizontal, mut vertical, mut square) = (Vec::new(), Vec::new(), 0.0);
+    for (time, position) in &solved.positions {
+        let Some(truth) = truth(*time) else { continue };
+        let error = LocalFrame::at(truth).ecef_to_enu(*position);
+        horizontal.push(error.horizontal());
+        vertical.push(error.up.abs());
+        square += error.vector().norm_squared();
+    }
+    let mut e: Vec<_> = solved
+        .positions
+        .iter()
+        .filter_map(|(t, p)| truth(*t).map(|tr| LocalFrame::at(tr).ecef_to_enu(*p)))
+        .collect();
+    let med = |v: &mut Vec<f64>| {
+        v.sort_by(f64::total_cmp);
+        v[v.len() / 2]
+    };
+    println!(
+        "   median ENU {:.2} {:.2} {:.2}",
+        med(&mut e.iter().map(|x| x.east).collect()),
+        med(&mut e.iter().map(|x| x.north).collect()),
+        med(&mut e.iter_mut().map(|x| x.up).collect())
+    );
+    let rms_m = (square / horizontal.len() as f64).sqrt();
+    let percentiles = |values: &mut Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        (values[values.len() / 2], values[values.len() * 95 / 100])
+    };
+    let errors = Errors { horizontal: percentiles(&mut horizontal), vertical: percentiles(&mut vertical) };
+    println!(
+        "{name}: {} epochs, horizontal {:.2} / {:.2} m, vertical {:.2} / {:.2} m, rms {rms_m:.2} m, promised {:.2} m",
+        horizontal.len(),
+        errors.horizontal.0,
+        errors.horizontal.1,
+        errors.vertical.0,
+        errors.vertical.1,
+        solved.promised_m
+    );
+    errors
+}
+
+const L1: [(Constellation, u8); 4] = [
+    (Constellation::Gps, b'1'),
+    (Constellation::Glonass, b'1'),
+    (Constellation::Galileo, b'1'),
+    (Constellation::Beidou, b'2'),
+];
+
+/// The first is a static pair, a few metres apart.
+fn mat() -> Option<(Session, Ecef)> {
+    let session = Session {
+        products: products("oracle/inputs/mat_base.nav.gz")?,
+        rover: observations("oracle/inputs/mat_rover.obs.gz")?,
+        base: observations("oracle/inputs/mat_base.obs.gz")?,
+        base_position: Ecef::new(-3_817_681.121_3, 3_562_839.431_1, 3_650_159.159_3),
+        correction: Session::mask(15.0),
+        latency_s: 0.0,
+    };
+    let truth = Geodetic::from_degrees(35.134_699_01, 136.977_575_49, 104.862_6).geodetic_to_ecef();
+    Some((session, truth))
+}
+
+/// What the reference (RTKLIB, code differences with a filter over time) reached.
+fn reference(path: &str, truth: Ecef) -> Option<Errors> {
+    let text = String::from_utf8(shared(path)?).unwrap();
+    let mut solved = Solved::default();
+    for line in text.lines().filter(|line| !line.starts_with('%')) {
+        let fields: Vec<f64> = line.split_whitespace().map(|field| field.parse().unwrap()).collect();
+        let time = GpsTime::from_week_tow(2320, fields[1]);
+        solved.positions.push((time, Ecef::new(fields[2], fields[3], fields[4])));
+    }
+    Some(errors("    reference", &solved, |_| Some(truth)))
+}
+
+#[test]
+fn a_pair_of_receivers() {
+    let Some((session, truth)) = mat() else { return };
+    let session = session.keep(&L1);
+    let plain = errors("mat, plain", &session.solve(None), |_| Some(truth));
+    let with = session.solve(Some(DifferentialOptions::default()));
+    let with = errors("mat, differential", &with, |_| Some(truth));
+    reference("oracle/pos/mat__ex__dgps_GREC_el15.pos", truth);
+    println!("{plain:?} {with:?}");
+}
+
+#[test]
+fn a_base_of_thirty_seconds() {
+    let (Some(products), Some(rover), Some(base)) = (
+        products("oracle/inputs/07590920.05n"),
+        observations("oracle/inputs/07590920.05o"),
+        observations("oracle/inputs/30400920.05o"),
+    ) else {
+        return;
+    };
+    let base_position = Ecef::new(-3_978_241.958, 3_382_840.234, 3_649_900.853);
+    let session =
+        Session { products, rover, base, base_position, correction: Session::mask(15.0), latency_s: 0.0 }
+            .keep(&L1);
+    // The carrier-phase solution of the reference stands for the truth.
+    let text =
+        String::from_utf8(shared("oracle/pos/rtk05__ex__rtk_kinematic_G_l1_el15_continuous.pos").unwrap())
+            .unwrap();
+    let fixed: Vec<Ecef> = text
+        .lines()
+        .filter(|line| !line.starts_with('%'))
+        .map(|line| line.split_whitespace().map(|field| field.parse().unwrap()).collect::<Vec<f64>>())
+        .filter(|fields| fields[5] == 1.0)
+        .map(|fields| Ecef::new(fields[2], fields[3], fields[4]))
+        .collect();
+    let sum = fixed.iter().fold(nalgebra::Vector3::zeros(), |sum, position| sum + position.0);
+    let truth = Ecef(sum / fixed.len() as f64);
+    println!("{} fixed, baseline {:.0} m", fixed.len(), truth.distance_m(base_position));
+    errors("rtk05, plain", &session.solve(None), |_| Some(truth));
+    errors("rtk05, differential", &session.solve(Some(DifferentialOptions::default())), |_| Some(truth));
+    let late = Session { latency_s: 30.0, ..session };
+    errors("rtk05, differential 30 s late", &late.solve(Some(DifferentialOptions::default())), |_| {
+        Some(truth)
+    });
+}
+
+#[test]
+fn a_phone_and_a_base_at_some_distance() {
+    use cofix_common::gsdc::{DerivedEpoch, DerivedFile, ground_truth};
+    let folder = "data/gsdc-2020-05-14-mtv1";
+    let (Some(products), Some(base), Some(truth)) = (
+        products(&format!("{folder}/hour1350.20n")),
+        observations(&format!("{folder}/slac1350.obs")),
+        shared(&format!("{folder}/Pixel4_ground_truth.csv")),
+    ) else {
+        return;
+    };
+    let mut table = Vec::new();
+    for part in 0..18 {
+        let bytes = shared(&format!("{folder}/Pixel4_processed/{part}.csv")).unwrap();
+        let header = if part == 0 { 0 } else { bytes.iter().position(|b| *b == b'\n').unwrap() + 1 };
+        table.extend_from_slice(&bytes[header..]);
+    }
+    let rover =
+        DerivedFile::parse(&table).unwrap().epochs.iter().map(DerivedEpoch::to_observations).collect();
+    let (truth, _) = ground_truth(&truth).unwrap();
+    let at = |time: GpsTime| truth.at(time, &[1]).map(|point| point.position);
+    for mask_deg in [7.5, 15.0] {
+        let session = Session {
+            products: products.clone(),
+            rover: Vec::clone(&rover),
+            base: base.clone(),
+            base_position: Ecef::new(-2_703_116.218, -4_291_767.079, 3_854_247.835),
+            correction: Session::mask(mask_deg),
+            latency_s: 0.0,
+        };
+        println!("mask {mask_deg}");
+        let bs = Session {
+            products: products.clone(),
+            rover: base.clone(),
+            base: Vec::new(),
+            base_position: session.base_position,
+            correction: session.correction,
+            latency_s: 0.0,
+        };
+        errors("base itself", &bs.solve(None), |_| Some(session.base_position));
+        errors("phone, plain", &session.solve(None), at);
+        errors("phone, differential", &session.solve(Some(DifferentialOptions::default())), at);
+    }
+}
