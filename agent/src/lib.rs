@@ -13,6 +13,7 @@
 mod config;
 pub mod convert;
 pub mod format;
+mod history;
 pub mod input;
 pub mod inspect;
 pub mod link;
