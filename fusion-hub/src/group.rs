@@ -1,5 +1,7 @@
 //! One group at work: events in, fused epochs out, on one thread.
 
+mod missing;
+
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
@@ -12,7 +14,7 @@ use crate::engine::Engine;
 use crate::intake::{Answer, Arrival, Intake, Notice};
 use crate::network::{Event, HistoryQuestions, Receipts};
 use crate::outputs::Outputs;
-use crate::recovery::{Recovery, Step};
+use crate::recovery::Recovery;
 use crate::report::Report;
 
 /// How long the thread waits for an event before it looks at the clock.
@@ -279,40 +281,6 @@ impl Group {
         }
     }
 
-    /// Asks agents for what is missing, and gives up what they do not have.
-    fn recover(&mut self) {
-        let now = self.start.elapsed();
-        if now.saturating_sub(self.recovered_at) < TICK {
-            return;
-        }
-        self.recovered_at = now;
-        for step in self.recovery.steps(&self.intake, now) {
-            match step {
-                Step::Ask(question) => {
-                    let Some(name) = self.phones.get(question.phone) else { continue };
-                    if let Err(error) = self.history.ask(name, &question) {
-                        tracing::warn!("{name}: not asked for its history: {error}");
-                    }
-                }
-                Step::GiveUp { phone, sender, to, why } => self.give_up(phone, &sender, to, why),
-            }
-        }
-        for phone in self.recovery.expected(now) {
-            if self.alive.get(phone) == Some(&true) {
-                self.aligner.expect(phone, now);
-            }
-        }
-    }
-
-    fn give_up(&mut self, phone: usize, sender: &str, to: u64, why: &str) {
-        let lost = self.intake.skip(phone, sender, to, why);
-        let name = self.phones.get(phone).map_or("?", String::as_str);
-        tracing::warn!("{name}: {lost} epochs are lost: {why}");
-        self.receipts.note(name, sender, self.intake.received(phone, sender));
-        self.align(phone);
-        self.end_if_complete(phone);
-    }
-
     fn status(&mut self, arrival: &Arrival) {
         if let Some(notice) = self.intake.status(arrival) {
             self.notice(arrival, notice);
@@ -395,43 +363,5 @@ impl Group {
             tracing::warn!("{name}: {}", notice.text);
         }
         Ok(())
-    }
-
-    /// Epochs that an agent has published and that do not come are lost: an error in a replay, counted live.
-    fn check_stragglers(&mut self) -> anyhow::Result<()> {
-        for phone in 0..self.phones.len() {
-            let lost = if self.course == Course::Replay { self.intake.lost(phone) } else { 0 };
-            let missing = self.intake.shortfall(phone).unwrap_or(0);
-            let Some(slot) = self.missing.get_mut(phone) else { continue };
-            if missing == 0 && lost == 0 {
-                *slot = None;
-                continue;
-            }
-            // Waits as long as some still come.
-            let known = slot.filter(|(before, _)| *before == missing);
-            let (_, since) = *slot.insert(known.unwrap_or_else(|| (missing, Instant::now())));
-            if lost == 0 && since.elapsed() < self.grace {
-                continue;
-            }
-            let name = self.phones.get(phone).map_or("?", String::as_str);
-            let missing = missing.saturating_add(lost);
-            if self.course == Course::Replay {
-                bail!("{name}: {missing} published epochs did not arrive");
-            }
-            tracing::warn!("{name}: {missing} published epochs did not arrive");
-            self.intake.give_up(phone);
-            self.note_receipts(phone);
-            self.align(phone);
-            self.end_if_complete(phone);
-        }
-        Ok(())
-    }
-
-    /// Tells the agents of a phone's runs that have finished what is given up.
-    fn note_receipts(&self, phone: usize) {
-        let Some(name) = self.phones.get(phone) else { return };
-        for (sender, _) in self.intake.finished_runs(phone) {
-            self.receipts.note(name, sender, self.intake.received(phone, sender));
-        }
     }
 }

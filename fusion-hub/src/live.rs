@@ -53,7 +53,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
         aligner: Aligner::live(phones.len(), options.align),
         engine: Engine::new(&phones, session.constraints.clone(), settings(session.preset).1),
         receipts: network.receipts(),
-        history: network.history(),
+        history: network.history()?,
         outputs,
         phones,
     });

@@ -1,5 +1,7 @@
 //! The hub's side of Zenoh: subscriptions, receipts, fused states.
 
+mod questions;
+
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -7,16 +9,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use cofix_agent::link;
 use cofix_common::wire::{
     FusedMessage, all_epochs_key, all_liveliness_key, all_receipts_key, all_status_key, encode, fused_key,
-    history_key, phone_of_key,
+    phone_of_key,
 };
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
-use zenoh::query::{ConsolidationMode, Query, QueryTarget, Queryable, Reply};
+use zenoh::query::{Query, Queryable};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
 use crate::intake::Arrival;
-use crate::recovery::{ANSWER, Question};
+
+pub use questions::HistoryQuestions;
 
 /// Events that may wait for the hub's thread. When they are as many, Zenoh and then the agents are held up.
 const WAITING_EVENTS: usize = 1_024;
@@ -178,12 +181,11 @@ impl Network {
     }
 
     /// For questions to agents about their history.
-    pub fn history(&self) -> HistoryQuestions {
-        HistoryQuestions {
-            session: self.session.clone(),
-            group: self.group.clone(),
-            sender: self.sender.clone(),
-        }
+    ///
+    /// # Errors
+    /// When no thread can be started for them.
+    pub fn history(&self) -> anyhow::Result<HistoryQuestions> {
+        HistoryQuestions::start(self.session.clone(), self.group.clone(), self.sender.clone())
     }
 
     /// A publisher of fused states.
@@ -197,63 +199,6 @@ impl Network {
     /// When Zenoh refuses.
     pub fn close(self) -> anyhow::Result<()> {
         self.session.close().wait().map_err(zenoh_error)
-    }
-}
-
-/// Asks agents for what they keep; the answers become events.
-pub struct HistoryQuestions {
-    session: Session,
-    group: String,
-    sender: SyncSender<Event>,
-}
-
-impl HistoryQuestions {
-    /// Asks the agent of the phone of this name. Does not wait for the answer.
-    ///
-    /// # Errors
-    /// When Zenoh refuses.
-    pub fn ask(&self, phone: &str, question: &Question) -> anyhow::Result<()> {
-        let mut selector = history_key(&self.group, phone)?;
-        let mut end = None;
-        if let Some((run, from, to)) = &question.epochs {
-            selector += &format!("?run={run};from={from};to={to}");
-            let answered = Event::Answered { phone: phone.to_owned(), sender: run.clone() };
-            end = Some(AtEnd { event: Some(answered), sender: self.sender.clone() });
-        }
-        let sender = self.sender.clone();
-        let callback = move |reply: Reply| {
-            // Zenoh drops this when the answer has ended.
-            let _ = &end;
-            if let Some(arrival) = reply.result().ok().and_then(arrival) {
-                let _ = sender.send(Event::History(arrival));
-            }
-        };
-        self.session
-            .get(selector)
-            // Two agents may go by one name.
-            .target(QueryTarget::All)
-            .consolidation(ConsolidationMode::None)
-            // The answers go as the question did.
-            .congestion_control(CongestionControl::Block)
-            .timeout(ANSWER)
-            .callback(callback)
-            .wait()
-            .map_err(zenoh_error)
-    }
-}
-
-/// Sends an event when it is dropped.
-struct AtEnd {
-    event: Option<Event>,
-    sender: SyncSender<Event>,
-}
-
-impl Drop for AtEnd {
-    fn drop(&mut self) {
-        if let Some(event) = self.event.take() {
-            // Fails only when the hub has ended.
-            let _ = self.sender.send(event);
-        }
     }
 }
 

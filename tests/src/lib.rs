@@ -75,7 +75,7 @@ impl Hub {
             aligner,
             engine: Engine::new(&phones, plan.constraints.clone(), settings(plan.preset).1),
             receipts: network.receipts(),
-            history: network.history(),
+            history: network.history()?,
             outputs: Outputs::new(&phones, network.fused_publisher(CongestionControl::Block), scores),
             phones,
         })

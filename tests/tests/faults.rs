@@ -431,7 +431,7 @@ fn wait_for_fused(hub: &Hub, plan: &Plan, count: usize) {
     let session = hub.foreign_session().unwrap();
     let fused = session.declare_subscriber(all_fused_key(&plan.group).unwrap()).wait().unwrap();
     for _ in 0..count {
-        fused.recv_timeout(Duration::from_secs(60)).unwrap().expect("the hub fuses");
+        fused.recv_timeout(Duration::from_mins(1)).unwrap().expect("the hub fuses");
     }
 }
 

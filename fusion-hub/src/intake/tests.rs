@@ -1,7 +1,8 @@
 use cofix_common::integrity::{RaimReport, Verdict};
 use cofix_common::time::GpsTime;
-use cofix_common::wire::encode;
+use cofix_common::wire::{PhoneStatus, encode};
 
+use super::desk::MAXIMUM_RUNS;
 use super::*;
 
 fn intake() -> Intake {
