@@ -14,6 +14,7 @@ mod config;
 pub mod convert;
 pub mod corrections;
 pub mod format;
+mod history;
 pub mod input;
 pub mod inspect;
 pub mod link;

@@ -1,31 +1,26 @@
 //! What an agent says on Zenoh, so that nothing of it is lost.
 //!
 //! - The first epoch waits until somebody listens.
-//! - The last messages are kept, so that a hub that comes late or reconnects gets what it missed, in order.
-//! - When a listener comes in mid-run, nothing is said for a moment, so that it asks for the history first: what is older than the first
-//!   sample that it gets would not reach it any more. (This helps
-//!   and is no guarantee: a history that does not come is counted by the hub as missing.)
+//! - The last messages are kept, so that a hub that comes late, is started again or loses its connection can ask for what it missed.
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until that is all of them.
 
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use cofix_common::wire::{
-    EpochMessage, KeyNameError, PhoneStatus, StatusMessage, WireError, encode, epoch_key, liveliness_key,
-    receipt_key, status_key,
+    EpochMessage, KeyNameError, PhoneStatus, StatusMessage, WireError, encode, epoch_key, history_key,
+    liveliness_key, receipt_key, status_key,
 };
+use zenoh::bytes::ZBytes;
 use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Publisher as ZenohPublisher;
 use zenoh::qos::{CongestionControl, Reliability};
+use zenoh::sample::SourceInfo;
 use zenoh::{Session, Wait};
-use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
 
+use crate::history::{Address, History};
 use crate::{Stop, link};
 
-/// How often a late last sample is announced.
-const HEARTBEAT: Duration = Duration::from_millis(500);
-/// How long nothing is said after a listener has come in mid-run.
-const HUSH: Duration = Duration::from_millis(500);
 /// How often something awaited is looked at.
 const POLL: Duration = Duration::from_millis(5);
 /// Longest wait for an answer to one question about receipts.
@@ -82,14 +77,11 @@ pub struct Publication {
     phone: String,
     receipt_key: String,
     session: Session,
-    epochs: AdvancedPublisher<'static>,
-    status: AdvancedPublisher<'static>,
+    epochs: ZenohPublisher<'static>,
+    status: ZenohPublisher<'static>,
+    history: History,
     alive: LivelinessToken,
     published: u64,
-    /// When the first epoch was published.
-    begun: Option<Instant>,
-    /// When somebody last began to listen to epochs.
-    listened_since: Arc<Mutex<Option<Instant>>>,
 }
 
 impl Publication {
@@ -99,19 +91,12 @@ impl Publication {
     /// When a name cannot be part of a key, or Zenoh refuses.
     pub fn declare(session: Session, publisher: Publisher<'_>) -> Result<Self, PublicationError> {
         let Publisher { group, phone, kept_messages } = publisher;
-        let epochs = declare(&session, epoch_key(group, phone)?, kept_messages)?;
-        let status = declare(&session, status_key(group, phone)?, 2)?;
-        let listened_since = Arc::new(Mutex::new(None));
-        let since = Arc::clone(&listened_since);
-        epochs
-            .matching_listener()
-            .callback(move |status| {
-                let now = status.matching().then(Instant::now);
-                *since.lock().unwrap_or_else(PoisonError::into_inner) = now;
-            })
-            .background()
-            .wait()
-            .map_err(zenoh_error)?;
+        let epochs = declare(&session, epoch_key(group, phone)?)?;
+        let status = declare(&session, status_key(group, phone)?)?;
+        let address =
+            Address { key: history_key(group, phone)?, phone: phone.to_owned(), source: epochs.id() };
+        let history = History::declare(&session, address, kept_messages).map_err(zenoh_error)?;
+        // Last: whoever sees the token may ask for the history.
         let alive =
             session.liveliness().declare_token(liveliness_key(group, phone)?).wait().map_err(zenoh_error)?;
         Ok(Self {
@@ -121,10 +106,9 @@ impl Publication {
             session,
             epochs,
             status,
+            history,
             alive,
             published: 0,
-            begun: None,
-            listened_since,
         })
     }
 
@@ -143,31 +127,20 @@ impl Publication {
                 return Ok(false);
             }
         }
-        self.listened_since()?;
         Ok(true)
     }
 
-    /// Publishes an epoch.
+    /// Publishes an epoch. With nobody there to listen it is only kept.
     ///
     /// # Errors
     /// When the message cannot be encoded, or Zenoh refuses.
     pub fn epoch(&mut self, message: &EpochMessage) -> Result<(), PublicationError> {
-        let begun = *self.begun.get_or_insert_with(Instant::now);
-        if let Some(since) = self.listened_since()?.filter(|since| *since > begun) {
-            std::thread::sleep(HUSH.saturating_sub(since.elapsed()));
-        }
-        self.epochs.put(encode(message)?).wait().map_err(zenoh_error)?;
+        let bytes = ZBytes::from(encode(message)?);
+        // Kept first: what was heard of can be asked for.
+        self.history.ring().keep_epoch(message.sequence, bytes.clone());
+        put(&self.epochs, bytes)?;
         self.published += 1;
         Ok(())
-    }
-
-    /// Since when somebody listens to epochs. Zenoh's word that a listener has come may be later than the listener.
-    fn listened_since(&self) -> Result<Option<Instant>, PublicationError> {
-        if !listened(&self.epochs)? {
-            return Ok(None);
-        }
-        let mut since = self.listened_since.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok(Some(*since.get_or_insert_with(Instant::now)))
     }
 
     /// Publishes a status.
@@ -175,8 +148,9 @@ impl Publication {
     /// # Errors
     /// When the message cannot be encoded, or Zenoh refuses.
     pub fn status(&self, status: PhoneStatus) -> Result<(), PublicationError> {
-        let message = StatusMessage { phone: self.phone.clone(), status };
-        self.status.put(encode(&message)?).wait().map_err(zenoh_error)
+        let bytes = ZBytes::from(encode(&StatusMessage { phone: self.phone.clone(), status })?);
+        self.history.ring().keep_status(bytes.clone());
+        put(&self.status, bytes)
     }
 
     /// How many epochs were published.
@@ -192,36 +166,35 @@ impl Publication {
         self.ask_for_receipt().map(drop)
     }
 
-    /// Asks the hub until it has every epoch, or has made no progress for `patience`; less once asked to stop. How many it has;
-    /// `None` when it never answered.
+    /// Asks the hub until it has every epoch, has given up the rest, or has made no progress for `patience`; less once asked to stop.
+    /// How many it has; `None` when it never answered.
     pub fn wait_for_receipt(&self, patience: Duration, stop: &Stop) -> Option<u64> {
         let mut progress = Instant::now();
-        let mut received = None;
+        let mut known: Option<Receipt> = None;
         let patient = |progress: Instant| {
             let limit = if stop.is_requested() { patience.min(LAST_WORDS) } else { patience };
             progress.elapsed() < limit
         };
-        while received < Some(self.published) && patient(progress) {
+        while known.is_none_or(|known| known.settled() < self.published) && patient(progress) {
             let Ok(answer) = self.ask_for_receipt() else { break };
-            if answer > received {
-                received = answer;
+            if answer.map(Receipt::settled) > known.map(Receipt::settled) {
+                known = answer;
                 progress = Instant::now();
             } else {
                 std::thread::sleep(POLL);
             }
         }
-        received
+        known.map(|known| known.received)
     }
 
-    fn ask_for_receipt(&self) -> Result<Option<u64>, PublicationError> {
+    fn ask_for_receipt(&self) -> Result<Option<Receipt>, PublicationError> {
         let Ok(replies) = self.session.get(&self.receipt_key).timeout(ANSWER).wait() else { return Ok(None) };
         while let Ok(reply) = replies.recv() {
             match reply.result() {
                 Ok(sample) => {
-                    let count =
-                        std::str::from_utf8(&sample.payload().to_bytes()).ok().and_then(|t| t.parse().ok());
-                    if count.is_some() {
-                        return Ok(count);
+                    let receipt = std::str::from_utf8(&sample.payload().to_bytes()).ok().and_then(parse);
+                    if receipt.is_some() {
+                        return Ok(receipt);
                     }
                 }
                 Err(error) => {
@@ -243,27 +216,62 @@ impl Publication {
     pub fn close(self) -> Result<(), PublicationError> {
         self.epochs.undeclare().wait().map_err(zenoh_error)?;
         self.status.undeclare().wait().map_err(zenoh_error)?;
+        self.history.undeclare().map_err(zenoh_error)?;
         self.alive.undeclare().wait().map_err(zenoh_error)?;
         self.session.close().wait().map_err(zenoh_error)
     }
 }
 
-fn declare(
-    session: &Session,
-    key: String,
-    kept_messages: usize,
-) -> Result<AdvancedPublisher<'static>, PublicationError> {
+/// What a hub says of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Receipt {
+    /// Epochs that it has.
+    received: u64,
+    /// Epochs that it misses and does not expect any more.
+    lost: u64,
+}
+
+impl Receipt {
+    /// How many are decided.
+    const fn settled(self) -> u64 {
+        self.received.saturating_add(self.lost)
+    }
+}
+
+/// Reads `<received>` or `<received> lost <lost>`.
+fn parse(text: &str) -> Option<Receipt> {
+    let (received, lost) = text.split_once(" lost ").unwrap_or((text, "0"));
+    Some(Receipt { received: received.parse().ok()?, lost: lost.parse().ok()? })
+}
+
+fn declare(session: &Session, key: String) -> Result<ZenohPublisher<'static>, PublicationError> {
     session
         .declare_publisher(key)
         .congestion_control(CongestionControl::Block)
         .reliability(Reliability::Reliable)
-        .cache(CacheConfig::default().max_samples(kept_messages.max(1)))
-        .sample_miss_detection(MissDetectionConfig::default().heartbeat(HEARTBEAT))
-        .publisher_detection()
         .wait()
         .map_err(zenoh_error)
 }
 
-fn listened(publisher: &AdvancedPublisher<'_>) -> Result<bool, PublicationError> {
+/// Says who publishes; the messages carry numbers of their own.
+fn put(publisher: &ZenohPublisher<'_>, bytes: ZBytes) -> Result<(), PublicationError> {
+    publisher.put(bytes).source_info(SourceInfo::new(publisher.id(), 0)).wait().map_err(zenoh_error)
+}
+
+fn listened(publisher: &ZenohPublisher<'_>) -> Result<bool, PublicationError> {
     publisher.matching_status().wait().map(|status| status.matching()).map_err(zenoh_error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn receipts_are_read() {
+        assert_eq!(parse("640"), Some(Receipt { received: 640, lost: 0 }));
+        assert_eq!(parse("40 lost 600"), Some(Receipt { received: 40, lost: 600 }));
+        for text in ["", "-1", "many", "40 lost ", "40 lost 1 lost 2", "99999999999999999999"] {
+            assert_eq!(parse(text), None, "{text}");
+        }
+    }
 }

@@ -30,7 +30,9 @@ pub enum AgentError {
     #[error(transparent)]
     Publication(#[from] PublicationError),
     /// The hub did not get everything.
-    #[error("the hub has confirmed {confirmed} of {published} epochs; did it stop?")]
+    #[error(
+        "the hub has confirmed {confirmed} of {published} epochs: it stopped, or missed more than the agent keeps"
+    )]
     NotConfirmed {
         /// Epochs that the hub has.
         confirmed: u64,

@@ -298,6 +298,18 @@ impl Aligner {
         }
     }
 
+    /// Messages of the phone are being fetched at `now`: it is not silent.
+    pub fn expect(&mut self, phone: usize, now: Duration) {
+        let Some(track) = self.tracks.get_mut(phone) else { return };
+        if track.presence != Presence::Running {
+            return self.arrive(phone, now);
+        }
+        match &mut track.heard {
+            Some(heard) => heard.last.0 = now,
+            None => track.here_since = Some(now),
+        }
+    }
+
     /// The next bucket, if it is complete.
     pub fn pop_ready(&mut self) -> Option<Bucket> {
         let waited_for = |track: &Track| track.presence == Presence::Running && track.queue.is_empty();

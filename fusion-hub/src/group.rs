@@ -1,5 +1,7 @@
 //! One group at work: events in, fused epochs out, on one thread.
 
+mod missing;
+
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
@@ -9,9 +11,10 @@ use cofix_common::skips::Skips;
 
 use crate::align::Aligner;
 use crate::engine::Engine;
-use crate::intake::{Arrival, Intake, Notice};
-use crate::network::{Event, Receipts};
+use crate::intake::{Answer, Arrival, Intake, Notice};
+use crate::network::{Event, HistoryQuestions, Receipts};
 use crate::outputs::Outputs;
+use crate::recovery::Recovery;
 use crate::report::Report;
 
 /// How long the thread waits for an event before it looks at the clock.
@@ -42,10 +45,14 @@ pub struct Group {
     aligner: Aligner,
     engine: Engine,
     receipts: Receipts,
+    history: HistoryQuestions,
+    recovery: Recovery,
     outputs: Outputs,
     start: Instant,
-    /// By phone, since when epochs of agents that have ended are missing.
-    missing_since: Vec<Option<Instant>>,
+    /// When gaps were last looked at.
+    recovered_at: Duration,
+    /// By phone, how many epochs of agents that have ended are missing, and since when so many.
+    missing: Vec<Option<(u64, Instant)>>,
     /// By phone, whether an agent is there.
     alive: Vec<bool>,
     grace: Duration,
@@ -65,6 +72,8 @@ pub struct Parts {
     pub engine: Engine,
     /// What agents are told about receipt.
     pub receipts: Receipts,
+    /// How agents are asked for what is missing.
+    pub history: HistoryQuestions,
     /// Consumers.
     pub outputs: Outputs,
 }
@@ -84,9 +93,12 @@ impl Group {
             aligner: parts.aligner,
             engine: parts.engine,
             receipts: parts.receipts,
+            history: parts.history,
+            recovery: Recovery::new(parts.course != Course::Replay),
+            recovered_at: Duration::ZERO,
             outputs: parts.outputs,
             start: Instant::now(),
-            missing_since: vec![None; phones],
+            missing: vec![None; phones],
             alive: vec![false; phones],
             grace: Self::GRACE,
         }
@@ -113,6 +125,7 @@ impl Group {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
+            self.recover();
             self.fuse_ready()?;
             self.fuse_overdue()?;
             self.outputs.tick();
@@ -124,7 +137,9 @@ impl Group {
         for event in events.try_iter().take(LAST_EVENTS) {
             self.handle(event)?;
         }
+        self.intake.release_all();
         for phone in 0..self.phones.len() {
+            self.align(phone);
             self.aligner.finish(phone);
         }
         self.fuse_ready()
@@ -222,6 +237,12 @@ impl Group {
         match event {
             Event::Epoch(arrival) => self.epoch(&arrival),
             Event::Status(arrival) => self.status(&arrival),
+            Event::History(arrival) => self.history(&arrival),
+            Event::Answered { phone, sender } => {
+                if let Some(phone) = self.intake.index(&phone) {
+                    self.recovery.answered(phone, &sender);
+                }
+            }
             Event::Alive { phone, alive } => self.alive(&phone, alive),
             Event::AgentEnded { phone, outcome: Err(error) } => bail!("{phone}: {error}"),
             Event::AgentEnded { .. } => {}
@@ -230,19 +251,45 @@ impl Group {
     }
 
     fn epoch(&mut self, arrival: &Arrival) {
-        let accepted = self.intake.epoch(arrival);
-        if let (Some(phone), Some(sender)) = (self.intake.index(&arrival.phone), &arrival.sender) {
+        self.intake.epoch(arrival);
+        self.take_in(arrival);
+    }
+
+    /// A part of an agent's answer.
+    fn history(&mut self, arrival: &Arrival) {
+        match self.intake.history(arrival) {
+            Some(Answer::Kept(phone)) => self.recovery.introduced(phone),
+            Some(Answer::Status(notice)) => self.notice(arrival, notice),
+            Some(Answer::Epoch(_)) | None => {}
+        }
+        self.take_in(arrival);
+    }
+
+    /// Passes on what has its turn now that something of a phone has arrived.
+    fn take_in(&mut self, arrival: &Arrival) {
+        let Some(phone) = self.intake.index(&arrival.phone) else { return };
+        if let Some(sender) = &arrival.sender {
             self.receipts.note(&arrival.phone, sender, self.intake.received(phone, sender));
         }
-        if let Some((phone, message)) = accepted {
+        self.align(phone);
+        self.end_if_complete(phone);
+    }
+
+    fn align(&mut self, phone: usize) {
+        while let Some(message) = self.intake.next_ready(phone) {
             self.aligner.push(phone, message, self.start.elapsed());
-            self.end_if_complete(phone);
         }
     }
 
     fn status(&mut self, arrival: &Arrival) {
-        match self.intake.status(arrival) {
-            Some(Notice::Started { phone, summary, twice }) => {
+        if let Some(notice) = self.intake.status(arrival) {
+            self.notice(arrival, notice);
+        }
+    }
+
+    fn notice(&mut self, arrival: &Arrival, notice: Notice) {
+        match notice {
+            Notice::Started { phone, summary, twice } => {
                 if twice {
                     tracing::warn!(
                         "{}: two agents of that name are here; only one of them should",
@@ -252,8 +299,10 @@ impl Group {
                 self.aligner.arrive(phone, self.start.elapsed());
                 tracing::info!("{}: agent started: {summary}", arrival.phone);
                 self.outputs.expect(self.intake.expected());
+                // It may have finished too.
+                self.end_if_complete(phone);
             }
-            Some(Notice::Finished { phone, error }) => {
+            Notice::Finished { phone, error } => {
                 if let Some(error) = error {
                     tracing::warn!("{}: agent ended early: {error}", arrival.phone);
                 } else {
@@ -261,7 +310,6 @@ impl Group {
                 }
                 self.end_if_complete(phone);
             }
-            None => {}
         }
     }
 
@@ -272,8 +320,14 @@ impl Group {
         };
         self.note_alive(phone, alive);
         tracing::info!("{phone}: agent {}", if alive { "is here" } else { "is gone" });
+        let now = self.start.elapsed();
+        if alive {
+            self.recovery.appeared(index, now);
+        } else {
+            self.recovery.disappeared(index);
+        }
         if alive && !self.intake.is_complete(index) {
-            self.aligner.arrive(index, self.start.elapsed());
+            self.aligner.arrive(index, now);
         }
         // Its last epochs are ahead of the loss of its token only on the same link; in a replay its end is known exactly.
         if !alive && self.course != Course::Replay {
@@ -307,29 +361,6 @@ impl Group {
         for notice in self.aligner.notices() {
             let name = self.phones.get(notice.phone).map_or("?", String::as_str);
             tracing::warn!("{name}: {}", notice.text);
-        }
-        Ok(())
-    }
-
-    /// Epochs that an agent has published and that do not come are lost: an error in a replay, counted live.
-    fn check_stragglers(&mut self) -> anyhow::Result<()> {
-        for phone in 0..self.phones.len() {
-            let missing = self.intake.shortfall(phone).unwrap_or(0);
-            let Some(since) = self.missing_since.get_mut(phone) else { continue };
-            if missing == 0 {
-                *since = None;
-                continue;
-            }
-            if since.get_or_insert_with(Instant::now).elapsed() < self.grace {
-                continue;
-            }
-            let name = self.phones.get(phone).map_or("?", String::as_str);
-            if self.course == Course::Replay {
-                bail!("{name}: {missing} published epochs did not arrive");
-            }
-            tracing::warn!("{name}: {missing} published epochs did not arrive");
-            self.intake.give_up(phone);
-            self.end_if_complete(phone);
         }
         Ok(())
     }

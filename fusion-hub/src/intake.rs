@@ -1,19 +1,18 @@
-//! What arrives: decoded, checked and counted, phone by phone. No I/O.
+//! What arrives: decoded, checked and counted, phone by phone, in the order of its sequence numbers. No I/O.
 //!
 //! An agent's run is told from another by its sender (the id of its Zenoh session). Its messages are numbered from 0, and its last
-//! status says how many there were: so the hub knows whether it has everything.
+//! status says how many there were: so the hub knows whether it has everything, and what to ask the agent for. A message waits until the
+//! ones before it have come or are given up.
 
-use std::collections::BTreeMap;
+mod desk;
+mod run;
 
 use cofix_common::skips::Skips;
-use cofix_common::wire::{EpochMessage, PhoneStatus, StatusMessage, decode};
+use cofix_common::wire::{EpochMessage, KeptMessage, MessageKind, StatusMessage, WireError, decode};
 
-/// Most runs remembered for one phone; a phone has one at a time, and one more after each restart. The oldest are forgotten.
-const MAXIMUM_RUNS: usize = 64;
-/// Most lost epochs that are counted one by one; an agent may claim any number.
-const MAXIMUM_LOST: u64 = 1_000_000;
-/// The sender of samples that do not say who sent them.
-const ANONYMOUS: &str = "anonymous";
+use desk::Desk;
+pub use run::Gap;
+use run::{Counted, Run};
 
 /// Bytes from the network, and who they concern.
 #[derive(Clone, Debug)]
@@ -35,42 +34,6 @@ pub struct Finished {
     pub skips: Skips,
     /// Why it ended early, if it did.
     pub error: Option<String>,
-}
-
-#[derive(Debug, Default)]
-struct Run {
-    next: u64,
-    received: u64,
-    /// Whether its agent said that it started.
-    started: bool,
-    finished: Option<Finished>,
-    /// Whether its agent is gone without a word; it may speak again.
-    gone: bool,
-    /// Whether the epochs that are missing are not waited for.
-    given_up: bool,
-    /// Place among the phone's runs by first message.
-    rank: u64,
-}
-
-impl Run {
-    /// Whether its agent started, did not say that it finished, and is there.
-    const fn is_living(&self) -> bool {
-        self.started && self.finished.is_none() && !self.gone
-    }
-
-    fn missing(&self) -> Option<u64> {
-        self.finished.as_ref().map(|finished| finished.epochs_published.saturating_sub(self.received))
-    }
-}
-
-#[derive(Debug, Default)]
-struct Desk {
-    runs: BTreeMap<String, Run>,
-    /// The sender of the last status.
-    current: Option<String>,
-    runs_seen: u64,
-    epochs_expected: Option<u64>,
-    skips: Skips,
 }
 
 /// The hub's desk for arrivals.
@@ -102,6 +65,17 @@ pub enum Notice {
     },
 }
 
+/// A part of an answer to a question about an agent's history.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answer {
+    /// The agent of the phone said what it keeps.
+    Kept(usize),
+    /// It repeated an epoch of the phone that was missing.
+    Epoch(usize),
+    /// It repeated a status that was missing.
+    Status(Notice),
+}
+
 impl Intake {
     /// For phones of these names.
     pub fn new(names: &[String]) -> Self {
@@ -117,26 +91,18 @@ impl Intake {
         self.names.iter().position(|name| name == phone)
     }
 
-    /// Takes an epoch. `None`, counted, when it is of no phone of the group, no message, absurd, or there already.
-    pub fn epoch(&mut self, arrival: &Arrival) -> Option<(usize, EpochMessage)> {
-        let (phone, desk) = self.desk(arrival)?;
-        let message = match decode::<EpochMessage>(&arrival.bytes) {
-            Ok(message) => message,
-            Err(error) => {
-                desk.skips.add("message unreadable", || error.to_string());
-                return None;
-            }
-        };
-        let sequence = message.sequence;
-        if !desk.count(arrival, sequence) {
-            desk.skips
-                .add("message received twice", || format!("sequence {sequence} at {}", message.time_gps));
-            return None;
-        }
-        message.sanitise(&arrival.phone, &mut desk.skips).map(|message| (phone, message))
+    /// Takes an epoch. The phone, whose [`Intake::next_ready`] may have messages now; `None`, counted, when it is of no phone of the group, no
+    /// message, absurd, or there already.
+    pub fn epoch(&mut self, arrival: &Arrival) -> Option<usize> {
+        self.count_epoch(arrival, false)
     }
 
-    /// Takes a status. `None`, counted, when it is of no phone of the group or no message.
+    /// The next of a phone's messages, in order.
+    pub fn next_ready(&mut self, phone: usize) -> Option<EpochMessage> {
+        self.desks.get_mut(phone)?.ready.pop_front()
+    }
+
+    /// Takes a status. `None`, counted, when it is of no phone of the group or no message; `None` also when it is known.
     pub fn status(&mut self, arrival: &Arrival) -> Option<Notice> {
         let (phone, desk) = self.desk(arrival)?;
         let message = match decode::<StatusMessage>(&arrival.bytes) {
@@ -150,7 +116,78 @@ impl Intake {
                 return None;
             }
         };
-        Some(desk.status(phone, arrival, message.status))
+        desk.status(phone, arrival, message.status)
+    }
+
+    /// Takes a part of an agent's answer to a question about its history. `None`, counted, when it is none.
+    pub fn history(&mut self, arrival: &Arrival) -> Option<Answer> {
+        let error = match decode::<KeptMessage>(&arrival.bytes) {
+            Ok(kept) if kept.phone == arrival.phone => {
+                let (phone, desk) = self.desk(arrival)?;
+                desk.run(arrival).note_kept(kept.first, kept.next);
+                return Some(Answer::Kept(phone));
+            }
+            Ok(kept) => format!("it names '{}'", kept.phone),
+            Err(WireError::WrongKind { found: MessageKind::Epoch, .. }) => {
+                return self.count_epoch(arrival, true).map(Answer::Epoch);
+            }
+            Err(WireError::WrongKind { found: MessageKind::Status, .. }) => {
+                return self.status(arrival).map(Answer::Status);
+            }
+            Err(error) => error.to_string(),
+        };
+        let (_, desk) = self.desk(arrival)?;
+        desk.skips.add("history unreadable", || error);
+        None
+    }
+
+    fn count_epoch(&mut self, arrival: &Arrival, from_history: bool) -> Option<usize> {
+        let (phone, desk) = self.desk(arrival)?;
+        let message = match decode::<EpochMessage>(&arrival.bytes) {
+            Ok(message) => message,
+            Err(error) => {
+                desk.skips.add("message unreadable", || error.to_string());
+                return None;
+            }
+        };
+        let sequence = message.sequence;
+        match desk.run(arrival).count(sequence, from_history) {
+            Counted::New => {}
+            Counted::Repeated { asked_for: false } => {
+                let time = message.time_gps;
+                desk.skips.add("message received twice", || format!("sequence {sequence} at {time}"));
+                return None;
+            }
+            Counted::Repeated { asked_for: true } | Counted::TooEarly => return None,
+        }
+        let message = message.sanitise(&arrival.phone, &mut desk.skips);
+        let is_usable = message.is_some();
+        desk.take(arrival, sequence, message);
+        is_usable.then_some(phone)
+    }
+
+    /// What is missing of the phones' runs: phone, sender, gap. Nothing of agents that are gone, unless later epochs wait for it.
+    pub fn gaps(&self) -> impl Iterator<Item = (usize, &str, Gap)> {
+        let runs = self
+            .desks
+            .iter()
+            .enumerate()
+            .flat_map(|(phone, desk)| desk.runs.iter().map(move |(sender, run)| (phone, sender, run)));
+        runs.filter_map(|(phone, sender, run)| Some((phone, sender.as_str(), run.gap()?, run.gone)))
+            .filter(|(_, _, gap, gone)| gap.waited_on || !gone)
+            .map(|(phone, sender, gap, _)| (phone, sender, gap))
+    }
+
+    /// Does not wait any longer for a run's missing epochs before sequence number `to`, and counts them. How many they are.
+    pub fn skip(&mut self, phone: usize, sender: &str, to: u64, why: &str) -> u64 {
+        let Some(desk) = self.desks.get_mut(phone) else { return 0 };
+        desk.skip(sender, to, why)
+    }
+
+    /// How many of the phone's epochs are given up.
+    pub fn lost(&self, phone: usize) -> u64 {
+        let runs = self.desks.get(phone).into_iter().flat_map(|desk| desk.runs.values());
+        runs.fold(0, |sum, run| sum.saturating_add(run.lost))
     }
 
     /// Whether the phone's last agent has ended, no other of that name lives, and all epochs are here or given up.
@@ -165,26 +202,29 @@ impl Intake {
     pub fn shortfall(&self, phone: usize) -> Option<u64> {
         let desk = self.desks.get(phone)?;
         desk.current_run()?.finished.as_ref()?;
-        Some(
-            desk.runs
-                .values()
-                .filter(|run| !run.given_up)
-                .filter_map(Run::missing)
-                .fold(0, u64::saturating_add),
-        )
+        Some(desk.runs.values().filter_map(Run::missing).fold(0, u64::saturating_add))
     }
 
     /// Does not wait any longer for epochs of agents that have ended, and counts them. How many are missing.
     pub fn give_up(&mut self, phone: usize) -> u64 {
         let missing = self.shortfall(phone).unwrap_or(0);
         let Some(desk) = self.desks.get_mut(phone) else { return 0 };
-        for run in desk.runs.values_mut().filter(|run| run.finished.is_some()) {
-            run.given_up = true;
-        }
-        for _ in 0..missing.min(MAXIMUM_LOST) {
-            desk.skips.add("published epochs did not arrive", || format!("{missing} are missing"));
+        let finished = desk.runs.iter().filter(|(_, run)| run.finished.is_some());
+        let senders: Vec<String> = finished.map(|(sender, _)| sender.clone()).collect();
+        for sender in senders {
+            desk.release_all(&sender, "its agent has finished");
+            desk.give_up_rest(&sender);
         }
         missing
+    }
+
+    /// Hands out what waits for missing epochs of any run, which are counted: the session ends.
+    pub fn release_all(&mut self) {
+        for desk in &mut self.desks {
+            for sender in desk.runs.keys().cloned().collect::<Vec<_>>() {
+                desk.release_all(&sender, "the session ended");
+            }
+        }
     }
 
     /// The phone's agents are gone, with or without a word.
@@ -205,9 +245,10 @@ impl Intake {
         self.desks.get(phone)?.current_run()?.finished.as_ref()
     }
 
-    /// How many epochs of a sender's run are here.
-    pub fn received(&self, phone: usize, sender: &str) -> u64 {
-        self.desks.get(phone).and_then(|desk| desk.runs.get(sender)).map_or(0, |run| run.received)
+    /// How many epochs of a sender's run are here, and how many are given up.
+    pub fn received(&self, phone: usize, sender: &str) -> (u64, u64) {
+        let run = self.desks.get(phone).and_then(|desk| desk.runs.get(sender));
+        run.map_or((0, 0), |run| (run.received, run.lost))
     }
 
     /// How many epochs the phones' agents have announced.
@@ -233,73 +274,6 @@ impl Intake {
             return None;
         };
         self.desks.get_mut(phone).map(|desk| (phone, desk))
-    }
-}
-
-impl Desk {
-    /// The run that an arrival belongs to; one that is new may push out the oldest.
-    fn run(&mut self, arrival: &Arrival) -> &mut Run {
-        let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
-        if !self.runs.contains_key(sender) {
-            if self.runs.len() >= MAXIMUM_RUNS {
-                self.forget_oldest();
-            }
-            self.runs_seen += 1;
-        }
-        let rank = self.runs_seen;
-        let run = self.runs.entry(sender.to_owned()).or_insert_with(|| Run { rank, ..Run::default() });
-        run.gone = false;
-        run
-    }
-
-    /// Forgets the oldest run, if possible one that is neither living nor the current one.
-    fn forget_oldest(&mut self) {
-        let current = self.current.as_deref();
-        let worth = |sender: &str, run: &Run| (Some(sender) == current, run.is_living(), run.rank);
-        let oldest = self.runs.iter().min_by_key(|(sender, run)| worth(sender, run));
-        let Some(sender) = oldest.map(|(sender, _)| sender.clone()) else { return };
-        self.runs.remove(&sender);
-        self.skips.add("run of an agent forgotten: too many", || {
-            format!("{sender}; {MAXIMUM_RUNS} are remembered")
-        });
-    }
-
-    fn current_run(&self) -> Option<&Run> {
-        self.runs.get(self.current.as_ref()?)
-    }
-
-    /// Counts a message of a run; `false` when it was there already.
-    fn count(&mut self, arrival: &Arrival, sequence: u64) -> bool {
-        let run = self.run(arrival);
-        if sequence < run.next {
-            return false;
-        }
-        run.next = sequence.saturating_add(1);
-        run.received += 1;
-        true
-    }
-
-    fn status(&mut self, phone: usize, arrival: &Arrival, status: PhoneStatus) -> Notice {
-        let sender = arrival.sender.clone().unwrap_or_else(|| ANONYMOUS.to_owned());
-        match status {
-            PhoneStatus::Started { summary, epochs_expected } => {
-                let other = self.runs.iter().find(|(other, run)| **other != sender && run.is_living());
-                let other = other.map(|(other, _)| other.clone());
-                let twice = other.is_some();
-                if let Some(other) = other {
-                    self.skips.add("two agents of one name at a time", || format!("{sender} beside {other}"));
-                }
-                self.epochs_expected = epochs_expected;
-                self.current = Some(sender);
-                self.run(arrival).started = true;
-                Notice::Started { phone, summary, twice }
-            }
-            PhoneStatus::Finished { epochs_published, skips, error } => {
-                self.current = Some(sender);
-                self.run(arrival).finished = Some(Finished { epochs_published, skips, error: error.clone() });
-                Notice::Finished { phone, error }
-            }
-        }
     }
 }
 

@@ -17,6 +17,7 @@ pub mod live;
 pub mod network;
 pub mod outputs;
 pub mod recorder;
+pub mod recovery;
 pub mod replay;
 pub mod report;
 pub mod scores;

@@ -53,6 +53,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
         aligner: Aligner::live(phones.len(), options.align),
         engine: Engine::new(&phones, session.constraints.clone(), settings(session.preset).1),
         receipts: network.receipts(),
+        history: network.history()?,
         outputs,
         phones,
     });
@@ -63,6 +64,8 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     // The recording is brought to its end in any case.
     let outcome = outcome(&mut group, &truth_skips);
     worked?;
+    // Nobody takes events any more: Zenoh's threads must not wait for that.
+    drop(events);
     network.close()?;
     Ok(outcome)
 }

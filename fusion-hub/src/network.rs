@@ -1,5 +1,7 @@
 //! The hub's side of Zenoh: subscriptions, receipts, fused states.
 
+mod questions;
+
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -14,9 +16,10 @@ use zenoh::qos::CongestionControl;
 use zenoh::query::{Query, Queryable};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
-use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
 use crate::intake::Arrival;
+
+pub use questions::HistoryQuestions;
 
 /// Events that may wait for the hub's thread. When they are as many, Zenoh and then the agents are held up.
 const WAITING_EVENTS: usize = 1_024;
@@ -28,6 +31,15 @@ pub enum Event {
     Epoch(Arrival),
     /// A status of a phone.
     Status(Arrival),
+    /// A part of an agent's answer to a question about its history.
+    History(Arrival),
+    /// The answer to a question for epochs has ended.
+    Answered {
+        /// The phone.
+        phone: String,
+        /// Whose run was asked for.
+        sender: String,
+    },
     /// A phone's agent appeared or disappeared.
     Alive {
         /// The phone in the key.
@@ -59,13 +71,14 @@ struct Receipt {
     phone: String,
     sender: String,
     received: u64,
+    lost: u64,
     told: Option<u64>,
 }
 
 impl Receipts {
-    /// Notes how many epochs of a phone's run by `sender` have arrived.
-    pub fn note(&self, phone: &str, sender: &str, received: u64) {
-        self.with(phone, sender, |receipt| receipt.received = received);
+    /// Notes how many epochs of a phone's run by `sender` have arrived, and how many are given up.
+    pub fn note(&self, phone: &str, sender: &str, (received, lost): (u64, u64)) {
+        self.with(phone, sender, |receipt| (receipt.received, receipt.lost) = (received, lost));
     }
 
     /// Whether the agent of a run was told of as many epochs.
@@ -76,9 +89,12 @@ impl Receipts {
             .any(|r| r.sender == sender && r.phone == phone && r.told.is_some_and(|told| told >= received))
     }
 
-    /// How many have arrived, for the agent of the run, which asks.
-    fn tell(&self, phone: &str, sender: &str) -> u64 {
-        self.with(phone, sender, |receipt| *receipt.told.insert(receipt.received))
+    /// How many have arrived and how many are given up, for the agent of the run, which asks.
+    fn tell(&self, phone: &str, sender: &str) -> String {
+        self.with(phone, sender, |receipt| {
+            let received = *receipt.told.insert(receipt.received);
+            if receipt.lost == 0 { received.to_string() } else { format!("{received} lost {}", receipt.lost) }
+        })
     }
 
     fn with<T>(&self, phone: &str, sender: &str, change: impl FnOnce(&mut Receipt) -> T) -> T {
@@ -86,8 +102,8 @@ impl Receipts {
         if let Some(receipt) = receipts.iter_mut().find(|r| r.sender == sender && r.phone == phone) {
             return change(receipt);
         }
-        let mut receipt =
-            Receipt { phone: phone.to_owned(), sender: sender.to_owned(), received: 0, told: None };
+        let (phone, sender) = (phone.to_owned(), sender.to_owned());
+        let mut receipt = Receipt { phone, sender, received: 0, lost: 0, told: None };
         let result = change(&mut receipt);
         if receipts.len() >= MAXIMUM_RECEIPTS {
             receipts.pop_front();
@@ -103,8 +119,8 @@ pub struct Network {
     group: String,
     receipts: Receipts,
     sender: SyncSender<Event>,
-    _epochs: AdvancedSubscriber<()>,
-    _status: AdvancedSubscriber<()>,
+    _epochs: Subscriber<()>,
+    _status: Subscriber<()>,
     _alive: Subscriber<()>,
     _receipts: Queryable<()>,
 }
@@ -164,6 +180,14 @@ impl Network {
         self.receipts.clone()
     }
 
+    /// For questions to agents about their history.
+    ///
+    /// # Errors
+    /// When no thread can be started for them.
+    pub fn history(&self) -> anyhow::Result<HistoryQuestions> {
+        HistoryQuestions::start(self.session.clone(), self.group.clone(), self.sender.clone())
+    }
+
     /// A publisher of fused states.
     pub fn fused_publisher(&self, congestion_control: CongestionControl) -> FusedPublisher {
         FusedPublisher { session: self.session.clone(), group: self.group.clone(), congestion_control }
@@ -204,7 +228,7 @@ fn subscribe(
     key: &str,
     sender: SyncSender<Event>,
     event: fn(Arrival) -> Event,
-) -> anyhow::Result<AdvancedSubscriber<()>> {
+) -> anyhow::Result<Subscriber<()>> {
     session
         .declare_subscriber(key)
         .callback(move |sample| {
@@ -213,8 +237,6 @@ fn subscribe(
                 let _ = sender.send(event(arrival));
             }
         })
-        .history(HistoryConfig::default().detect_late_publishers())
-        .recovery(RecoveryConfig::default().heartbeat())
         .wait()
         .map_err(zenoh_error)
 }
@@ -248,7 +270,7 @@ fn answer(receipts: &Receipts, phones: &[String], query: &Query) {
     let Some(phone) = phone_of_key(query.key_expr().as_str()) else { return };
     let Some(run) = query.parameters().get("run") else { return };
     let sent = if phones.iter().any(|known| known == phone) {
-        query.reply(query.key_expr().clone(), receipts.tell(phone, run).to_string()).wait()
+        query.reply(query.key_expr().clone(), receipts.tell(phone, run)).wait()
     } else {
         let known = phones.join(", ");
         query.reply_err(format!("the session has no phone '{phone}'; it has {known}")).wait()
@@ -265,13 +287,15 @@ mod tests {
     #[test]
     fn receipts_remember_what_was_told_and_forget_the_oldest() {
         let receipts = Receipts::default();
-        receipts.note("a", "x", 5);
+        receipts.note("a", "x", (5, 0));
         assert!(!receipts.was_told("a", "x", 5));
-        assert_eq!((receipts.tell("a", "x"), receipts.tell("b", "x")), (5, 0));
-        receipts.note("a", "x", 6);
+        assert_eq!([receipts.tell("a", "x"), receipts.tell("b", "x")], ["5", "0"]);
+        receipts.note("a", "x", (6, 2));
         assert!(receipts.was_told("a", "x", 5) && !receipts.was_told("a", "x", 6));
+        assert_eq!(receipts.tell("a", "x"), "6 lost 2");
+        assert!(receipts.was_told("a", "x", 6));
         for run in 0..10 * MAXIMUM_RECEIPTS {
-            receipts.note("a", &run.to_string(), 1);
+            receipts.note("a", &run.to_string(), (1, 0));
         }
         assert_eq!(receipts.shared.lock().unwrap().len(), MAXIMUM_RECEIPTS);
     }

@@ -279,6 +279,7 @@ fn group(plan: &Plan, options: &ReplayOptions, network: &Network) -> anyhow::Res
         aligner: Aligner::new(phones.len(), AlignOptions::default()),
         engine: Engine::new(&phones, plan.constraints.clone(), settings(plan.preset).1),
         receipts: network.receipts(),
+        history: network.history()?,
         outputs,
         phones,
     }))

@@ -75,6 +75,7 @@ impl Hub {
             aligner,
             engine: Engine::new(&phones, plan.constraints.clone(), settings(plan.preset).1),
             receipts: network.receipts(),
+            history: network.history()?,
             outputs: Outputs::new(&phones, network.fused_publisher(CongestionControl::Block), scores),
             phones,
         })
@@ -85,6 +86,7 @@ impl Hub {
             group.work(&events, &asked)?;
             group.see_off(&events, &asked);
             let report = group.report().0;
+            drop(events);
             network.close()?;
             Ok(report)
         });

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use cofix_agent::publication::{Publication, Publisher};
 use cofix_agent::{
-    AgentConfig, ProductSource, Source, Speed, Stop, link,
+    AgentConfig, AgentError, ProductSource, Source, Speed, Stop, link,
     pipeline::{PhonePipeline, PipelineOptions},
 };
 use cofix_common::simulation::PhoneOptions;
@@ -424,4 +424,95 @@ fn an_agent_without_a_hub_says_so() {
     config.connect = vec!["nonsense".to_owned()];
     let error = start_agent(config).join().unwrap().unwrap_err().to_string();
     assert!(error.contains("nonsense"), "{error}");
+}
+
+/// Waits until a hub has published so many fused states.
+fn wait_for_fused(hub: &Hub, plan: &Plan, count: usize) {
+    let session = hub.foreign_session().unwrap();
+    let fused = session.declare_subscriber(all_fused_key(&plan.group).unwrap()).wait().unwrap();
+    for _ in 0..count {
+        fused.recv_timeout(Duration::from_mins(1)).unwrap().expect("the hub fuses");
+    }
+}
+
+#[test]
+fn hubs_that_end_abruptly_are_replaced_without_a_loss() {
+    let plan = staggered(240.0);
+    let clean = replay(&plan, &ReplayOptions::default(), &Stop::default()).unwrap().report;
+    let mut hub = Hub::start(&plan, Course::Live { until_finished: true }).unwrap();
+    let endpoints = hub.endpoints.clone();
+    let agents: Vec<_> = (0..plan.phones.len())
+        .map(|phone| {
+            let config = agent_config(&plan, phone, &endpoints).unwrap();
+            start_agent(AgentConfig { speed: Speed::Times(50.0), ..config })
+        })
+        .collect();
+    for _ in 0..2 {
+        wait_for_fused(&hub, &plan, 100);
+        hub.end().unwrap();
+        hub = Hub::start_at(&plan, Course::Live { until_finished: true }, &endpoints[0]).unwrap();
+    }
+    for agent in agents {
+        agent.join().unwrap().unwrap();
+    }
+    let report = hub.join().unwrap();
+    for (index, phone) in plan.phones.iter().enumerate() {
+        let found = &report.phones[&phone.name];
+        assert_eq!(found.epochs, messages(&plan, index).len() as u64, "{}: {}", phone.name, found.skips);
+        assert!(found.skips == clean.phones[&phone.name].skips, "{}: {}", phone.name, found.skips);
+    }
+    assert_eq!((report.epochs, report.common_epochs), (clean.epochs, clean.common_epochs));
+    assert_eq!(report.methods, clean.methods, "fused in order, as if nothing had been");
+}
+
+#[test]
+fn a_hub_that_comes_after_the_last_word_hears_everything() {
+    let plan = small_plan(1, 30.0).unwrap();
+    let first = Hub::start(&plan, Course::Live { until_finished: false }).unwrap();
+    let endpoints = first.endpoints.clone();
+    let mut publication = publication(&plan, 0, &endpoints);
+    let sent = messages(&plan, 0);
+    let published = sent.len() as u64;
+    let summary = "simulated".to_owned();
+    publication.status(PhoneStatus::Started { summary, epochs_expected: Some(published) }).unwrap();
+    for message in &sent {
+        publication.epoch(message).unwrap();
+    }
+    first.end().unwrap();
+    let skips = Skips::default();
+    publication.status(PhoneStatus::Finished { epochs_published: published, skips, error: None }).unwrap();
+    let second = Hub::start_at(&plan, Course::Live { until_finished: true }, &endpoints[0]).unwrap();
+    let received = publication.wait_for_receipt(Duration::from_secs(30), &Stop::default());
+    assert_eq!(received, Some(published));
+    publication.close().unwrap();
+    let report = second.join().unwrap();
+    assert_eq!(report.phones["SIM1"].epochs, published);
+}
+
+#[test]
+fn what_an_agent_does_not_keep_is_counted_and_the_agent_knows() {
+    let plan = small_plan(2, 120.0).unwrap();
+    let first = Hub::start(&plan, Course::Live { until_finished: false }).unwrap();
+    let endpoints = first.endpoints.clone();
+    let agents = [20, AgentConfig::KEPT_MESSAGES].into_iter().enumerate().map(|(phone, kept_messages)| {
+        let config = agent_config(&plan, phone, &endpoints).unwrap();
+        start_agent(AgentConfig { kept_messages, speed: Speed::Times(50.0), ..config })
+    });
+    let agents: Vec<_> = agents.collect();
+    wait_for_fused(&first, &plan, 100);
+    first.end().unwrap();
+    let second = Hub::start_at(&plan, Course::Live { until_finished: true }, &endpoints[0]).unwrap();
+    let [forgetful, other] = <[_; 2]>::try_from(agents).unwrap().map(|agent| agent.join().unwrap());
+    let report = second.join().unwrap();
+
+    let total = messages(&plan, 0).len() as u64;
+    let Err(AgentError::NotConfirmed { confirmed, published }) = forgetful else { panic!("{forgetful:?}") };
+    assert_eq!(published, total);
+    assert!((20..=total - 30).contains(&confirmed), "{confirmed}");
+    let found = &report.phones["SIM1"];
+    assert_eq!(found.epochs, confirmed);
+    assert_eq!(found.skips.count("published epochs did not arrive"), total - confirmed, "{}", found.skips);
+    assert!(found.skips.to_string().contains("its agent does not keep them any more"), "{}", found.skips);
+    assert!(other.is_ok(), "{other:?}");
+    assert_eq!(report.phones["SIM2"].epochs, messages(&plan, 1).len() as u64);
 }

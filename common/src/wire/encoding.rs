@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{EpochMessage, FusedMessage, StatusMessage};
+use super::{EpochMessage, FusedMessage, KeptMessage, StatusMessage};
 
 /// First two bytes of every message.
 const MAGIC: [u8; 2] = *b"CX";
@@ -25,6 +25,8 @@ pub enum MessageKind {
     Fused,
     /// [`StatusMessage`].
     Status,
+    /// [`KeptMessage`].
+    Kept,
 }
 
 impl MessageKind {
@@ -34,6 +36,7 @@ impl MessageKind {
             Self::Epoch => 0,
             Self::Fused => 1,
             Self::Status => 2,
+            Self::Kept => 3,
         }
     }
 
@@ -42,6 +45,7 @@ impl MessageKind {
             0 => Some(Self::Epoch),
             1 => Some(Self::Fused),
             2 => Some(Self::Status),
+            3 => Some(Self::Kept),
             _ => None,
         }
     }
@@ -59,6 +63,10 @@ impl WireMessage for EpochMessage {
 
 impl WireMessage for FusedMessage {
     const KIND: MessageKind = MessageKind::Fused;
+}
+
+impl WireMessage for KeptMessage {
+    const KIND: MessageKind = MessageKind::Kept;
 }
 
 impl WireMessage for StatusMessage {

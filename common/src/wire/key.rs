@@ -5,7 +5,8 @@
 //! | `cofix/<group>/phone/<phone>/epoch` | [`EpochMessage`](super::EpochMessage)s of an agent |
 //! | `cofix/<group>/phone/<phone>/status` | [`StatusMessage`](super::StatusMessage)s of an agent |
 //! | `cofix/<group>/phone/<phone>/alive` | liveliness token of an agent |
-//! | `cofix/<group>/phone/<phone>/receipt` | query to the hub, with `?run=<Zenoh id of the agent>`: how many epochs of that run it has, as decimal text |
+//! | `cofix/<group>/phone/<phone>/receipt` | query to the hub, with `?run=<Zenoh id of the agent>`: how many epochs of that run it has, as decimal text, and ` lost <n>` when it has given up n |
+//! | `cofix/<group>/phone/<phone>/history` | query to an agent: the [`KeptMessage`](super::KeptMessage), its status messages and, with `?run=<Zenoh id of the agent>;from=<n>;to=<m>`, the epochs of sequence numbers n to m − 1 that it keeps |
 //! | `cofix/<group>/fused/<phone>` | [`FusedMessage`](super::FusedMessage)s of the hub |
 
 /// Longest name of a group or phone, bytes.
@@ -88,6 +89,14 @@ pub fn receipt_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
     phone_key(group, phone, "receipt")
 }
 
+/// Where an agent answers with what it keeps of its run.
+///
+/// # Errors
+/// When a name cannot be a chunk of a key.
+pub fn history_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
+    phone_key(group, phone, "history")
+}
+
 /// All phones' receipts of a group.
 ///
 /// # Errors
@@ -164,6 +173,7 @@ mod tests {
         assert_eq!(liveliness_key("g", "p").unwrap(), "cofix/g/phone/p/alive");
         assert_eq!(fused_key("g", "p").unwrap(), "cofix/g/fused/p");
         assert_eq!(receipt_key("g", "p").unwrap(), "cofix/g/phone/p/receipt");
+        assert_eq!(history_key("g", "p").unwrap(), "cofix/g/phone/p/history");
         assert_eq!(all_receipts_key("g").unwrap(), "cofix/g/phone/*/receipt");
         assert_eq!(all_epochs_key("g").unwrap(), "cofix/g/phone/*/epoch");
         assert_eq!(all_status_key("g").unwrap(), "cofix/g/phone/*/status");

@@ -52,6 +52,17 @@ pub struct StatusMessage {
     pub status: PhoneStatus,
 }
 
+/// Which epochs of its run an agent keeps: first in every answer to `cofix/<group>/phone/<phone>/history`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct KeptMessage {
+    /// The phone's name within its group.
+    pub phone: String,
+    /// Sequence number of the oldest epoch that is kept; `next` when none is.
+    pub first: u64,
+    /// Sequence number of the epoch that is published next.
+    pub next: u64,
+}
+
 /// The two ends of an agent's run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum PhoneStatus {

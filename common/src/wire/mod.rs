@@ -18,7 +18,8 @@ pub use encoding::{
 };
 pub use key::{
     KeyNameError, MAXIMUM_NAME_BYTES, all_epochs_key, all_fused_key, all_liveliness_key, all_receipts_key,
-    all_status_key, check_name, epoch_key, fused_key, liveliness_key, phone_of_key, receipt_key, status_key,
+    all_status_key, check_name, epoch_key, fused_key, history_key, liveliness_key, phone_of_key, receipt_key,
+    status_key,
 };
-pub use message::{EpochMessage, FusedMessage, PhoneStatus, StatusMessage};
+pub use message::{EpochMessage, FusedMessage, KeptMessage, PhoneStatus, StatusMessage};
 pub use plausible::{Implausible, InvalidMessage, MAXIMUM_OBSERVATIONS};

@@ -383,3 +383,27 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_phone_whose_messages_are_being_fetched_is_waited_for() {
+    let mut aligner = Aligner::live(2, AlignOptions::default());
+    for sequence in 0..2 {
+        aligner.push(0, message(0, sequence, sequence as f64), ms(0));
+    }
+    for now in (0..60_000).step_by(4_000) {
+        aligner.expect(1, ms(now));
+        assert!(!aligner.drop_silent(ms(now + 4_000)), "{now}");
+    }
+    for sequence in 0..2 {
+        aligner.push(1, message(1, sequence, sequence as f64), ms(60_000));
+    }
+    assert_eq!(seconds(&drain(&mut aligner)), [[Some(0.0), Some(0.0)], [Some(1.0), Some(1.0)]]);
+    aligner.push(0, message(0, 2, 2.0), ms(64_000));
+    aligner.expect(1, ms(64_000));
+    assert!(!aligner.drop_silent(ms(68_900)));
+    assert!(aligner.drop_silent(ms(69_000)), "no longer expected");
+    assert_eq!(drain(&mut aligner).len(), 1);
+    aligner.push(0, message(0, 3, 3.0), ms(70_000));
+    aligner.expect(1, ms(70_000));
+    assert!(aligner.pop_ready().is_none(), "expected again");
+}

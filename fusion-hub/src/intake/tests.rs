@@ -1,7 +1,8 @@
 use cofix_common::integrity::{RaimReport, Verdict};
 use cofix_common::time::GpsTime;
-use cofix_common::wire::encode;
+use cofix_common::wire::{PhoneStatus, encode};
 
+use super::desk::MAXIMUM_RUNS;
 use super::*;
 
 fn intake() -> Intake {
@@ -49,7 +50,8 @@ fn a_run_is_complete_when_all_its_epochs_are_here() {
     assert_eq!((intake.shortfall(0), intake.is_complete(0)), (Some(1), false));
     intake.epoch(&from("x", "a", encode(&epoch("a", 2)).unwrap()));
     assert!(intake.is_complete(0) && !intake.is_complete(1));
-    assert_eq!((intake.received(0, "x"), intake.received(0, "y"), intake.received(1, "x")), (3, 0, 0));
+    let received = [(0, "x"), (0, "y"), (1, "x")].map(|(phone, sender)| intake.received(phone, sender));
+    assert_eq!(received, [(3, 0), (0, 0), (0, 0)]);
 }
 
 #[test]
@@ -134,7 +136,7 @@ fn anonymous_senders_do_not_push_out_the_current_run() {
     for sender in 0..1_000 {
         intake.epoch(&from(&format!("s{sender}"), "a", encode(&epoch("a", 0)).unwrap()));
     }
-    assert_eq!(intake.received(0, "x"), 1);
+    assert_eq!(intake.received(0, "x"), (1, 0));
 }
 
 #[test]
@@ -163,4 +165,140 @@ fn two_agents_of_one_name_are_noticed_and_both_waited_for() {
     assert!(intake.is_complete(0));
     let notice = intake.status(&from("z", "a", started("a")));
     assert!(matches!(notice, Some(Notice::Started { twice: false, .. })), "a restart is no twin");
+}
+
+fn send(intake: &mut Intake, sequence: u64) {
+    intake.epoch(&from("x", "a", encode(&epoch("a", sequence)).unwrap()));
+}
+
+fn kept(intake: &mut Intake, first: u64, next: u64) {
+    let message = KeptMessage { phone: "a".to_owned(), first, next };
+    assert_eq!(intake.history(&from("x", "a", encode(&message).unwrap())), Some(Answer::Kept(0)));
+}
+
+/// The sequence numbers of the messages of phone 0 whose turn it is.
+fn ready(intake: &mut Intake) -> Vec<u64> {
+    std::iter::from_fn(|| intake.next_ready(0)).map(|message| message.sequence).collect()
+}
+
+fn gap(intake: &Intake) -> Option<(u64, u64, bool)> {
+    intake.gaps().next().map(|(_, _, gap)| (gap.from, gap.to, gap.waited_on))
+}
+
+#[test]
+fn messages_wait_for_those_before_them() {
+    let mut intake = intake();
+    send(&mut intake, 3);
+    send(&mut intake, 5);
+    assert_eq!((ready(&mut intake), gap(&intake)), (vec![], Some((0, 3, true))));
+    for sequence in [2, 0, 1] {
+        let bytes = encode(&epoch("a", sequence)).unwrap();
+        assert_eq!(intake.history(&from("x", "a", bytes)), Some(Answer::Epoch(0)));
+    }
+    assert_eq!((ready(&mut intake), gap(&intake)), (vec![0, 1, 2, 3], Some((4, 5, true))));
+    send(&mut intake, 4);
+    assert_eq!((ready(&mut intake), gap(&intake)), (vec![4, 5], None));
+    assert!(intake.phone_skips(0).unwrap().is_empty());
+}
+
+#[test]
+fn what_was_asked_for_and_came_by_itself_too_is_no_fault() {
+    let mut intake = intake();
+    send(&mut intake, 0);
+    let again = |sequence| from("x", "a", encode(&epoch("a", sequence)).unwrap());
+    assert_eq!(intake.history(&again(0)), None);
+    assert_eq!(intake.history(&again(1)), Some(Answer::Epoch(0)));
+    send(&mut intake, 1);
+    assert!(intake.phone_skips(0).unwrap().is_empty());
+    send(&mut intake, 2);
+    send(&mut intake, 2);
+    assert_eq!(intake.phone_skips(0).unwrap().count("message received twice"), 1);
+    assert_eq!(ready(&mut intake), [0, 1, 2]);
+}
+
+#[test]
+fn an_agent_says_what_is_missing_at_the_end() {
+    let mut intake = intake();
+    kept(&mut intake, 0, 4);
+    assert_eq!(gap(&intake), Some((0, 4, false)));
+    for sequence in 0..4 {
+        send(&mut intake, sequence);
+    }
+    assert_eq!(gap(&intake), None);
+    intake.status(&from("x", "a", started("a")));
+    intake.status(&from("x", "a", finished("a", 6)));
+    assert_eq!(gap(&intake), Some((4, 6, false)));
+    intake.gone(0);
+    assert_eq!(gap(&intake), None, "nobody can be asked");
+}
+
+#[test]
+fn what_is_given_up_is_counted_and_the_rest_goes_on() {
+    let mut intake = intake();
+    send(&mut intake, 7);
+    kept(&mut intake, 5, 8);
+    let gap = intake.gaps().next().unwrap().2;
+    assert_eq!((gap.from, gap.to, gap.kept_from), (0, 7, 5));
+    assert_eq!(intake.skip(0, "x", 5, "not kept"), 5);
+    send(&mut intake, 5);
+    assert_eq!(ready(&mut intake), [5]);
+    assert_eq!(intake.skip(0, "x", 100, "not sent"), 1);
+    assert_eq!(ready(&mut intake), [7]);
+    assert_eq!((intake.received(0, "x"), intake.lost(0)), ((2, 6), 6));
+    let skips = intake.phone_skips(0).unwrap();
+    assert_eq!(skips.count("published epochs did not arrive"), 6);
+    assert!(skips.to_string().contains("5 from sequence 0 on: not kept"), "{skips}");
+    intake.status(&from("x", "a", finished("a", 8)));
+    assert_eq!(intake.shortfall(0), Some(0), "counted already");
+}
+
+#[test]
+fn the_end_hands_out_what_waits() {
+    let mut intake = intake();
+    for sequence in [1, 3, 4] {
+        send(&mut intake, sequence);
+    }
+    intake.release_all();
+    assert_eq!(ready(&mut intake), [1, 3, 4]);
+    assert_eq!((intake.received(0, "x"), gap(&intake)), ((3, 2), None));
+}
+
+#[test]
+fn no_more_than_so_many_messages_wait() {
+    let mut intake = intake();
+    let most = run::MAXIMUM_PARKED as u64;
+    for sequence in 1..=most + 10 {
+        send(&mut intake, sequence);
+    }
+    assert_eq!(intake.received(0, "x").0, most);
+    send(&mut intake, 0);
+    assert_eq!(ready(&mut intake).len() as u64, most + 1);
+    assert_eq!(gap(&intake), Some((most + 1, most + 11, false)), "the agent has them");
+    assert!(intake.phone_skips(0).unwrap().is_empty());
+}
+
+#[test]
+fn senders_without_a_name_are_not_asked() {
+    let mut intake = intake();
+    let bytes = |sequence| encode(&epoch("a", sequence)).unwrap();
+    for sequence in [4, 9, 7] {
+        intake.epoch(&Arrival { phone: "a".to_owned(), sender: None, bytes: bytes(sequence) });
+    }
+    assert_eq!((ready(&mut intake), gap(&intake)), (vec![4, 9], None));
+    assert_eq!(intake.phone_skips(0).unwrap().count("message received twice"), 1);
+}
+
+#[test]
+fn statuses_that_come_again_are_no_news() {
+    let mut intake = intake();
+    for (bytes, is_news) in [(started("a"), true), (started("a"), false), (finished("a", 0), true)] {
+        let answer = intake.history(&from("x", "a", bytes));
+        assert_eq!(matches!(answer, Some(Answer::Status(_))), is_news);
+    }
+    assert_eq!(intake.status(&from("x", "a", finished("a", 0))), None);
+    assert!(intake.is_complete(0));
+    assert_eq!(intake.history(&from("x", "a", b"hello".to_vec())), None);
+    let other = KeptMessage { phone: "b".to_owned(), first: 0, next: 1 };
+    assert_eq!(intake.history(&from("x", "a", encode(&other).unwrap())), None);
+    assert_eq!(intake.phone_skips(0).unwrap().count("history unreadable"), 2);
 }

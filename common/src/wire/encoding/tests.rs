@@ -49,6 +49,15 @@ fn refused(bytes: &[u8]) -> WireError {
 }
 
 #[test]
+fn what_an_agent_keeps_comes_back() {
+    let kept = KeptMessage { phone: "HP30".to_owned(), first: 40, next: u64::MAX };
+    let bytes = encode(&kept).unwrap();
+    assert_eq!(decode::<KeptMessage>(&bytes), Ok(kept));
+    let (found, expected) = (MessageKind::Kept, MessageKind::Status);
+    assert_eq!(decode::<StatusMessage>(&bytes), Err(WireError::WrongKind { found, expected }));
+}
+
+#[test]
 fn every_defect_has_its_own_error() {
     let good = encode(&example::message(3)).unwrap();
     let body = good.len() - HEADER_BYTES;

@@ -1,0 +1,86 @@
+//! What a group does about epochs that were published and are not here.
+
+use std::time::Instant;
+
+use anyhow::bail;
+
+use super::{Course, Group, TICK};
+use crate::recovery::{Question, Step};
+
+impl Group {
+    /// Asks agents for what is missing, and gives up what they do not have.
+    pub(super) fn recover(&mut self) {
+        let now = self.start.elapsed();
+        if now.saturating_sub(self.recovered_at) < TICK {
+            return;
+        }
+        self.recovered_at = now;
+        for step in self.recovery.steps(&self.intake, now) {
+            match step {
+                Step::Ask(question) => self.ask(question),
+                Step::GiveUp { phone, sender, to, why } => self.give_up(phone, &sender, to, why),
+            }
+        }
+        for phone in self.recovery.expected(now) {
+            if self.alive.get(phone) == Some(&true) {
+                self.aligner.expect(phone, now);
+            }
+        }
+    }
+
+    fn ask(&mut self, question: Question) {
+        let Some(name) = self.phones.get(question.phone) else { return };
+        if !self.history.ask(name, question.clone())
+            && let Some((sender, ..)) = question.epochs
+        {
+            self.recovery.answered(question.phone, &sender);
+        }
+    }
+
+    fn give_up(&mut self, phone: usize, sender: &str, to: u64, why: &str) {
+        let lost = self.intake.skip(phone, sender, to, why);
+        let name = self.phones.get(phone).map_or("?", String::as_str);
+        tracing::warn!("{name}: {lost} epochs are lost: {why}");
+        self.receipts.note(name, sender, self.intake.received(phone, sender));
+        self.align(phone);
+        self.end_if_complete(phone);
+    }
+
+    /// Epochs that an agent has published and that do not come are lost: an error in a replay, counted live.
+    pub(super) fn check_stragglers(&mut self) -> anyhow::Result<()> {
+        for phone in 0..self.phones.len() {
+            let lost = if self.course == Course::Replay { self.intake.lost(phone) } else { 0 };
+            let missing = self.intake.shortfall(phone).unwrap_or(0);
+            let Some(slot) = self.missing.get_mut(phone) else { continue };
+            if missing == 0 && lost == 0 {
+                *slot = None;
+                continue;
+            }
+            // Waits as long as some still come.
+            let known = slot.filter(|(before, _)| *before == missing);
+            let (_, since) = *slot.insert(known.unwrap_or_else(|| (missing, Instant::now())));
+            if lost == 0 && since.elapsed() < self.grace {
+                continue;
+            }
+            let name = self.phones.get(phone).map_or("?", String::as_str);
+            let missing = missing.saturating_add(lost);
+            if self.course == Course::Replay {
+                bail!("{name}: {missing} published epochs did not arrive");
+            }
+            tracing::warn!("{name}: {missing} published epochs did not arrive");
+            self.intake.give_up(phone);
+            self.note_receipts(phone);
+            self.align(phone);
+            self.end_if_complete(phone);
+        }
+        Ok(())
+    }
+
+    /// Tells the agents of a phone's runs that have finished what is given up.
+    fn note_receipts(&self, phone: usize) {
+        let Some(name) = self.phones.get(phone) else { return };
+        for (sender, _) in self.intake.finished_runs(phone) {
+            self.receipts.note(name, sender, self.intake.received(phone, sender));
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! One phone's runs.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use cofix_common::skips::Skips;
+use cofix_common::wire::{EpochMessage, PhoneStatus};
+
+use super::run::Run;
+use super::{Arrival, Finished, Notice};
+
+/// Most runs remembered for one phone; a phone has one at a time, and one more after each restart. The oldest are forgotten.
+pub(super) const MAXIMUM_RUNS: usize = 64;
+/// Most lost epochs that are counted one by one; an agent may claim any number.
+const MAXIMUM_LOST: u64 = 1_000_000;
+/// The sender of samples that do not say who sent them.
+const ANONYMOUS: &str = "anonymous";
+
+/// One phone's runs.
+#[derive(Debug, Default)]
+pub(super) struct Desk {
+    pub(super) runs: BTreeMap<String, Run>,
+    /// The sender of the last status.
+    current: Option<String>,
+    runs_seen: u64,
+    pub(super) epochs_expected: Option<u64>,
+    /// Messages whose turn it is.
+    pub(super) ready: VecDeque<EpochMessage>,
+    pub(super) skips: Skips,
+}
+
+impl Desk {
+    /// The run that an arrival belongs to; one that is new may push out the oldest.
+    pub(super) fn run(&mut self, arrival: &Arrival) -> &mut Run {
+        let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
+        if !self.runs.contains_key(sender) {
+            if self.runs.len() >= MAXIMUM_RUNS {
+                self.forget_oldest();
+            }
+            self.runs_seen += 1;
+        }
+        let (rank, anonymous) = (self.runs_seen, arrival.sender.is_none());
+        let new = || Run::new(rank, anonymous);
+        let run = self.runs.entry(sender.to_owned()).or_insert_with(new);
+        run.gone = false;
+        run
+    }
+
+    /// Forgets the oldest run, if possible one that is neither living nor the current one.
+    fn forget_oldest(&mut self) {
+        let current = self.current.as_deref();
+        let worth = |sender: &str, run: &Run| (Some(sender) == current, run.is_living(), run.rank());
+        let oldest = self.runs.iter().min_by_key(|(sender, run)| worth(sender, run));
+        let Some(sender) = oldest.map(|(sender, _)| sender.clone()) else { return };
+        self.release_all(&sender, "too many agents came after it");
+        self.runs.remove(&sender);
+        self.skips.add("run of an agent forgotten: too many", || {
+            format!("{sender}; {MAXIMUM_RUNS} are remembered")
+        });
+    }
+
+    pub(super) fn current_run(&self) -> Option<&Run> {
+        self.runs.get(self.current.as_ref()?)
+    }
+
+    /// Takes a message that counts.
+    pub(super) fn take(&mut self, arrival: &Arrival, sequence: u64, message: Option<EpochMessage>) {
+        let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
+        if let Some(run) = self.runs.get_mut(sender) {
+            run.take(sequence, message, &mut self.ready);
+        }
+    }
+
+    pub(super) fn skip(&mut self, sender: &str, to: u64, why: &str) -> u64 {
+        let Some(run) = self.runs.get_mut(sender) else { return 0 };
+        let from = run.gap().map_or(0, |gap| gap.from);
+        let lost = run.skip(to, &mut self.ready);
+        self.count_lost(lost, || format!("{lost} from sequence {from} on: {why}"));
+        lost
+    }
+
+    /// Gives up what others wait for.
+    pub(super) fn release_all(&mut self, sender: &str, why: &str) {
+        let waited_on = |run: &Run| run.gap().filter(|gap| gap.waited_on);
+        while let Some(gap) = self.runs.get(sender).and_then(waited_on) {
+            self.skip(sender, gap.to, why);
+        }
+    }
+
+    /// Gives up the epochs that an agent says it has published, and that nothing else is known of.
+    pub(super) fn give_up_rest(&mut self, sender: &str) {
+        let Some(run) = self.runs.get_mut(sender) else { return };
+        let missing = run.missing().unwrap_or(0);
+        run.lost = run.lost.saturating_add(missing);
+        self.count_lost(missing, || format!("{missing} are missing"));
+    }
+
+    fn count_lost(&mut self, lost: u64, describe: impl Fn() -> String) {
+        for _ in 0..lost.min(MAXIMUM_LOST) {
+            self.skips.add("published epochs did not arrive", &describe);
+        }
+    }
+
+    pub(super) fn status(&mut self, phone: usize, arrival: &Arrival, status: PhoneStatus) -> Option<Notice> {
+        let sender = arrival.sender.clone().unwrap_or_else(|| ANONYMOUS.to_owned());
+        match status {
+            // What is known of the run comes again with its history.
+            PhoneStatus::Started { .. } if self.run(arrival).started => None,
+            PhoneStatus::Finished { .. } if self.run(arrival).finished.is_some() => None,
+            PhoneStatus::Started { summary, epochs_expected } => {
+                let other = self.runs.iter().find(|(other, run)| **other != sender && run.is_living());
+                let other = other.map(|(other, _)| other.clone());
+                let twice = other.is_some();
+                if let Some(other) = other {
+                    self.skips.add("two agents of one name at a time", || format!("{sender} beside {other}"));
+                }
+                self.epochs_expected = epochs_expected;
+                self.current = Some(sender);
+                self.run(arrival).started = true;
+                Some(Notice::Started { phone, summary, twice })
+            }
+            PhoneStatus::Finished { epochs_published, skips, error } => {
+                self.current = Some(sender);
+                let run = self.run(arrival);
+                run.note_existence(epochs_published);
+                run.finished = Some(Finished { epochs_published, skips, error: error.clone() });
+                Some(Notice::Finished { phone, error })
+            }
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! The hub's questions to agents about what it missed.
+
+use std::sync::mpsc::{SyncSender, sync_channel};
+
+use cofix_common::wire::history_key;
+use zenoh::qos::CongestionControl;
+use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
+use zenoh::{Session, Wait};
+
+use super::{Event, arrival, zenoh_error};
+use crate::recovery::{ANSWER, Question};
+
+/// Questions that may wait for the thread that asks.
+const WAITING_QUESTIONS: usize = 64;
+
+/// Asks agents for what they keep; the answers become events.
+///
+/// A thread of its own asks: Zenoh may tell at once, on the thread that asks, that nobody answers, and that event may have to wait for
+/// the hub's thread.
+pub struct HistoryQuestions {
+    questions: SyncSender<(String, Question)>,
+}
+
+impl HistoryQuestions {
+    pub(super) fn start(session: Session, group: String, sender: SyncSender<Event>) -> anyhow::Result<Self> {
+        let (questions, waiting) = sync_channel::<(String, Question)>(WAITING_QUESTIONS);
+        let ask_all = move || {
+            for (phone, question) in waiting {
+                if let Err(error) = ask(&session, &group, &phone, &question, &sender) {
+                    tracing::warn!("{phone}: not asked for its history: {error}");
+                }
+            }
+        };
+        std::thread::Builder::new().name("history".to_owned()).spawn(ask_all)?;
+        Ok(Self { questions })
+    }
+
+    /// Asks the agent of the phone of this name. Waits for nothing; `false` when too many questions wait already.
+    pub fn ask(&self, phone: &str, question: Question) -> bool {
+        self.questions.try_send((phone.to_owned(), question)).is_ok()
+    }
+}
+
+fn ask(
+    session: &Session,
+    group: &str,
+    phone: &str,
+    question: &Question,
+    sender: &SyncSender<Event>,
+) -> anyhow::Result<()> {
+    let (mut selector, mut end) = (history_key(group, phone)?, None);
+    if let Some((run, from, to)) = &question.epochs {
+        selector = format!("{selector}?run={run};from={from};to={to}");
+        let answered = Event::Answered { phone: phone.to_owned(), sender: run.clone() };
+        end = Some(AtEnd { event: Some(answered), sender: sender.clone() });
+    }
+    let sender = sender.clone();
+    let callback = move |reply: Reply| {
+        // Zenoh drops this when the answer has ended.
+        let _ = &end;
+        if let Some(arrival) = reply.result().ok().and_then(arrival) {
+            // Fails only when the hub has ended.
+            let _ = sender.send(Event::History(arrival));
+        }
+    };
+    session
+        .get(selector)
+        // Two agents may go by one name.
+        .target(QueryTarget::All)
+        .consolidation(ConsolidationMode::None)
+        // The answers go as the question did.
+        .congestion_control(CongestionControl::Block)
+        .timeout(ANSWER)
+        .callback(callback)
+        .wait()
+        .map_err(zenoh_error)
+}
+
+/// Sends an event when it is dropped.
+struct AtEnd {
+    event: Option<Event>,
+    sender: SyncSender<Event>,
+}
+
+impl Drop for AtEnd {
+    fn drop(&mut self) {
+        if let Some(event) = self.event.take() {
+            // Fails only when the hub has ended.
+            let _ = self.sender.send(event);
+        }
+    }
+}

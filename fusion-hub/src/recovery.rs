@@ -1,0 +1,176 @@
+//! What is asked of agents for the hub to have their runs from the first epoch on: when, how often, and when no more. No I/O, no clock of
+//! its own.
+//!
+//! - An agent that appears is asked what it keeps of its run and what it has said of itself, until it answers.
+//! - A gap in a run that does not close by itself within a moment is asked for, in portions, one at a time; again when an answer ends
+//!   without progress.
+//! - What the agent says that it does not keep any more is given up; so is, live, a gap that stays for [`PATIENCE`] without progress.
+//!
+//! The group waits for phones whose gaps are being closed ([`Recovery::expected`]), so it fuses nothing newer meanwhile.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use crate::intake::{Gap, Intake};
+
+/// A gap without progress is left alone, or given up when later epochs wait for it, after this.
+pub const PATIENCE: Duration = Duration::from_secs(10);
+/// So long a gap may take to close by itself: messages may be on their way.
+const SETTLING: Duration = Duration::from_millis(100);
+/// A question that has brought nothing is asked again after this.
+const RETRY: Duration = Duration::from_millis(500);
+/// Longest wait for the end of one answer.
+pub const ANSWER: Duration = Duration::from_secs(5);
+/// Most epochs asked for at once: some megabytes.
+const PORTION: u64 = 256;
+
+/// A question for an agent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Question {
+    /// The phone's index.
+    pub phone: usize,
+    /// Which of its runs and which sequence numbers, first and one more than the last; `None`: whoever is there, and no epochs.
+    pub epochs: Option<(String, u64, u64)>,
+}
+
+/// What is to be done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// Ask.
+    Ask(Question),
+    /// Give up a run's missing epochs before a sequence number.
+    GiveUp {
+        /// The phone's index.
+        phone: usize,
+        /// Whose run.
+        sender: String,
+        /// One more than the last sequence number to give up.
+        to: u64,
+        /// Why.
+        why: &'static str,
+    },
+}
+
+/// An agent that appeared and has not said what it keeps.
+#[derive(Debug)]
+struct Introduction {
+    since: Duration,
+    asked: Option<Duration>,
+}
+
+/// A gap that is being closed.
+#[derive(Debug)]
+struct Repair {
+    /// Where it begins, and since when.
+    from: u64,
+    since: Duration,
+    /// When it was last asked for, and where it began then.
+    asked: Option<(Duration, u64)>,
+    /// Whether the answer goes on.
+    pending: bool,
+}
+
+/// Closes gaps.
+#[derive(Debug)]
+pub struct Recovery {
+    introductions: BTreeMap<usize, Introduction>,
+    repairs: BTreeMap<(usize, String), Repair>,
+    gives_up: bool,
+}
+
+impl Recovery {
+    /// Live, gaps that cannot be closed are given up; in a replay they are an error, found at the end.
+    pub const fn new(is_live: bool) -> Self {
+        Self { introductions: BTreeMap::new(), repairs: BTreeMap::new(), gives_up: is_live }
+    }
+
+    /// The phone's agent appeared.
+    pub fn appeared(&mut self, phone: usize, now: Duration) {
+        self.introductions.insert(phone, Introduction { since: now, asked: None });
+    }
+
+    /// The phone's agent disappeared.
+    pub fn disappeared(&mut self, phone: usize) {
+        self.introductions.remove(&phone);
+    }
+
+    /// The phone's agent said what it keeps.
+    pub fn introduced(&mut self, phone: usize) {
+        self.introductions.remove(&phone);
+    }
+
+    /// The answer to a question for a run's epochs has ended.
+    pub fn answered(&mut self, phone: usize, sender: &str) {
+        if let Some(repair) = self.repairs.get_mut(&(phone, sender.to_owned())) {
+            repair.pending = false;
+        }
+    }
+
+    /// The phones of which epochs are on their way.
+    pub fn expected(&self, now: Duration) -> impl Iterator<Item = usize> {
+        let patient = move |repair: &Repair| now.saturating_sub(repair.since) < PATIENCE;
+        self.repairs.iter().filter(move |(_, repair)| patient(repair)).map(|((phone, _), _)| *phone)
+    }
+
+    /// What is to be done at `now`.
+    pub fn steps(&mut self, intake: &Intake, now: Duration) -> Vec<Step> {
+        let mut steps = self.introduce(now);
+        let mut repairs = BTreeMap::new();
+        for (phone, sender, gap) in intake.gaps() {
+            let key = (phone, sender.to_owned());
+            let known = self.repairs.remove(&key);
+            let mut repair =
+                known.unwrap_or(Repair { from: gap.from, since: now, asked: None, pending: false });
+            steps.extend(self.step(&key, gap, &mut repair, now));
+            repairs.insert(key, repair);
+        }
+        self.repairs = repairs;
+        steps
+    }
+
+    fn introduce(&mut self, now: Duration) -> Vec<Step> {
+        self.introductions.retain(|_, introduction| now.saturating_sub(introduction.since) < PATIENCE);
+        let mut steps = Vec::new();
+        for (phone, introduction) in &mut self.introductions {
+            if introduction.asked.is_none_or(|asked| now.saturating_sub(asked) >= RETRY) {
+                introduction.asked = Some(now);
+                steps.push(Step::Ask(Question { phone: *phone, epochs: None }));
+            }
+        }
+        steps
+    }
+
+    fn step(
+        &self,
+        (phone, sender): &(usize, String),
+        gap: Gap,
+        repair: &mut Repair,
+        now: Duration,
+    ) -> Option<Step> {
+        if gap.from != repair.from {
+            (repair.from, repair.since) = (gap.from, now);
+        }
+        let age = now.saturating_sub(repair.since);
+        let give_up = |to, why| Some(Step::GiveUp { phone: *phone, sender: sender.clone(), to, why });
+        if gap.kept_from > gap.from && (repair.asked.is_some() || age >= SETTLING) {
+            return give_up(gap.kept_from.min(gap.to), "its agent does not keep them any more");
+        }
+        if age >= PATIENCE && self.gives_up && gap.waited_on {
+            return give_up(gap.to, "its agent was asked and did not send them");
+        }
+        let may_ask = match repair.asked {
+            None => age >= SETTLING,
+            Some((asked, _)) if repair.pending => now.saturating_sub(asked) >= 2 * ANSWER,
+            Some((asked, from)) => gap.from != from || now.saturating_sub(asked) >= RETRY,
+        };
+        if !may_ask {
+            return None;
+        }
+        (repair.asked, repair.pending) = (Some((now, gap.from)), true);
+        let to = gap.to.min(gap.from.saturating_add(PORTION));
+        Some(Step::Ask(Question { phone: *phone, epochs: Some((sender.clone(), gap.from, to)) }))
+    }
+}
+
+#[cfg(test)]
+mod tests;
