@@ -147,11 +147,11 @@ fn health(five: &Word) -> f64 {
 }
 
 /// Signal-in-space accuracy of an index, m (table 89). No prediction (255) and reserved numbers are taken as 10 m, as for
-/// files that do not give it.
+/// files that do not give it; so is zero, which no satellite has.
 fn accuracy_m(index: u64) -> f64 {
     let i = index as f64;
     match index {
-        0..50 => 0.01 * i,
+        1..50 => 0.01 * i,
         50..75 => 0.5 + 0.02 * (i - 50.0),
         75..100 => 1.0 + 0.04 * (i - 75.0),
         100..=125 => 2.0 + 0.16 * (i - 100.0),

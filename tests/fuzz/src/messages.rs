@@ -6,13 +6,13 @@ use cofix_common::navbits::{InavAssembler, LnavAssembler, ReceiverCheck, Refused
 use cofix_common::orbit::KeplerEphemeris;
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
 use cofix_common::wire::{
     EpochMessage, FusedMessage, MAXIMUM_OBSERVATIONS, StatusMessage, WireMessage, decode, encode,
 };
 
-use crate::portions::feed_both_ways;
+use crate::checks;
 use crate::streams::{near, rtcm_stream};
-use crate::{checks, round_trip};
 
 const SUBFRAME_BYTES: usize = 40;
 const PAGE_BYTES: usize = 29;
@@ -30,8 +30,6 @@ pub fn rtcm_messages(bytes: &[u8]) {
         rest = after;
     }
     rtcm_stream(&stream);
-    let outcome = feed_both_ways(|| RtcmDecoder::new(RtcmOptions::near(near())), &stream);
-    round_trip::observations(&outcome.records);
     let mut decoder = RtcmDecoder::new(RtcmOptions::near(near()));
     if decoder.feed(&stream).is_ok() {
         assert!(decoder.glonass_channels().values().all(|channel| (-7..=6).contains(channel)));
@@ -55,13 +53,15 @@ fn frame(message: &[u8]) -> Vec<u8> {
     frame
 }
 
-/// LNAV subframes and I/NAV pages. Each piece has three bytes before it: satellite; kind and check; hours since the first.
+/// LNAV subframes and I/NAV pages. The first two bytes are the GPS week; each piece has three bytes before it: satellite; kind
+/// and check; hour of the week.
 pub fn navbits(bytes: &[u8]) {
     let (mut lnav, mut inav) = (LnavAssembler::default(), InavAssembler::default());
-    let mut rest = bytes;
+    let Some((week, mut rest)) = bytes.split_first_chunk::<2>() else { return };
+    let week = i64::from(u16::from_be_bytes(*week) % 4096);
     while let Some(([number, kind, hours], after)) = rest.split_first_chunk::<3>() {
         let number = number % 36 + 1;
-        let now = near() + 3_600.0 * f64::from(*hours);
+        let now = GpsTime::from_week_tow(week, 3_600.0 * f64::from(*hours));
         let check = if kind & 2 == 0 { ReceiverCheck::Passed } else { ReceiverCheck::Unknown };
         let blank = kind & 4 == 0;
         let wanted = if kind & 1 == 0 { SUBFRAME_BYTES } else { PAGE_BYTES };

@@ -35,7 +35,13 @@ pub(crate) fn feed_both_ways<D: Decoder>(begin: impl Fn() -> D, bytes: &[u8]) ->
     let whole = feed(&mut begin(), [bytes]);
     let cut = feed(&mut begin(), random_portions(bytes));
     assert_eq!(cut.end, whole.end, "in portions and at once");
-    assert_eq!(cut.skips, whole.skips, "in portions and at once");
+    // Fed at once, a decoder may go on counting up to the end of the portion that shows another kind of stream.
+    assert!(
+        whole.end.is_err() || cut.skips == whole.skips,
+        "in portions {}, at once {}",
+        cut.skips,
+        whole.skips
+    );
     assert!(same(&cut.records, &whole.records), "in portions {:?}, at once {:?}", cut.records, whole.records);
     whole
 }
