@@ -15,6 +15,13 @@ mod range_state {
     pub(super) const HALF_CYCLE_REPORTED: u32 = 1 << 4;
 }
 
+/// C/N0 that are believed, dB-Hz.
+const CN0_DBHZ: std::ops::RangeInclusive<f64> = 0.0..=70.0;
+/// Largest Doppler that is believed, Hz: satellites and phones together make 10 kHz, a poor oscillator some more.
+const MAX_DOPPLER_HZ: f64 = 5e4;
+/// Largest accumulated delta range that is believed, cycles: days without a loss of lock. RINEX has no room for more.
+const MAX_PHASE_CYCLES: f64 = 9e9;
+
 /// Why a line gives no observation, or not all of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Refusal {
@@ -87,7 +94,11 @@ pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Opt
         return refuse("Doppler and phase without a carrier frequency", "CarrierFrequencyHz", f64::NAN);
     };
     let set = |bit: u32| line.range_state & bit != 0;
-    observation.carrier_phase_cycles = phase_m.map(|range| range / wavelength_m);
+    let phase_cycles = phase_m.map(|range| range / wavelength_m);
+    if let Some(cycles) = phase_cycles.filter(|cycles| cycles.abs() > MAX_PHASE_CYCLES) {
+        return refuse("accumulated delta range beyond 9e9 cycles (code is used)", "cycles", cycles);
+    }
+    observation.carrier_phase_cycles = phase_cycles;
     if observation.carrier_phase_cycles.is_some() {
         observation.loss_of_lock = LossOfLock {
             cycle_slip: set(range_state::RESET) || set(range_state::CYCLE_SLIP),
@@ -98,7 +109,11 @@ pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Opt
     if uncertainty > options.masks.max_rate_uncertainty_mps {
         return refuse("mask: pseudorange rate uncertainty (code is used)", "m/s", uncertainty);
     }
-    observation.doppler_hz = line.rate_mps.map(|rate| -rate / wavelength_m);
+    let doppler_hz = line.rate_mps.map(|rate| -rate / wavelength_m);
+    if let Some(doppler_hz) = doppler_hz.filter(|doppler| doppler.abs() > MAX_DOPPLER_HZ) {
+        return refuse("Doppler beyond 50 kHz (code and phase are used)", "Hz", doppler_hz);
+    }
+    observation.doppler_hz = doppler_hz;
     Ok(())
 }
 
@@ -131,6 +146,9 @@ fn check(line: &RawLine, masks: &Masks) -> Result<(), Refusal> {
     }
     if let Some(value) = line.cn0_dbhz.filter(|cn0| *cn0 < masks.min_cn0_dbhz) {
         return refuse("mask: C/N0", "dB-Hz", value);
+    }
+    if let Some(value) = line.cn0_dbhz.filter(|cn0| !CN0_DBHZ.contains(cn0)) {
+        return refuse("C/N0 outside 0 to 70 dB-Hz", "dB-Hz", value);
     }
     if line.multipath && masks.reject_multipath {
         return refuse("mask: multipath indicator", "MultipathIndicator", 1.0);

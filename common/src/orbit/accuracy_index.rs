@@ -16,12 +16,12 @@ pub fn ura_m(index: u64) -> f64 {
     }
 }
 
-/// Signal-in-space accuracy of an index, m (Galileo OS SIS ICD, table 89). No prediction (255) and the reserved indices are
-/// [`UNKNOWN_ACCURACY_M`].
+/// Signal-in-space accuracy of an index, m (Galileo OS SIS ICD, table 89). No prediction (255), the reserved indices, and
+/// zero, which no satellite has, are [`UNKNOWN_ACCURACY_M`].
 pub fn sisa_m(index: u64) -> f64 {
     let above = |start: u64, base: f64, step: f64| base + step * (index - start) as f64;
     match index {
-        0..50 => above(0, 0.0, 0.01),
+        1..50 => above(0, 0.0, 0.01),
         50..75 => above(50, 0.5, 0.02),
         75..100 => above(75, 1.0, 0.04),
         100..=125 => above(100, 2.0, 0.16),
@@ -43,13 +43,10 @@ mod tests {
         }
         assert!(ura_m(15) >= 6_144.0);
         let sisa =
-            [(0, 0.0), (49, 0.49), (50, 0.5), (74, 0.98), (75, 1.0), (99, 1.96), (100, 2.0), (125, 6.0)];
+            [(1, 0.01), (49, 0.49), (50, 0.5), (74, 0.98), (75, 1.0), (99, 1.96), (100, 2.0), (125, 6.0)];
         for (index, metres) in sisa {
             assert!((sisa_m(index) - metres).abs() < 1e-12, "SISA {index}");
         }
-        assert!(
-            (sisa_m(126) - UNKNOWN_ACCURACY_M).abs() < 1e-12
-                && (sisa_m(255) - UNKNOWN_ACCURACY_M).abs() < 1e-12
-        );
+        assert!([0, 126, 255].iter().all(|&index| (sisa_m(index) - UNKNOWN_ACCURACY_M).abs() < 1e-12));
     }
 }

@@ -12,6 +12,9 @@ use super::{RinexError, columns, decompress, integer, lines, shorten, trim_end};
 use crate::gnss::{EpochFlag, ObservationEpoch};
 use crate::skips::Skips;
 
+/// Room set aside for an epoch's observations is at most this: one that lies about its size must not cost the others.
+const MOST_ROOM: usize = 512;
+
 /// Decodes an observation file one line at a time. It owns no input, so a file, a growing file and a socket
 /// are read alike.
 ///
@@ -298,7 +301,7 @@ impl ObservationDecoder {
             self.skips.add(reason, || format!("line {number}: {time_gps} after {before}"));
             return skip(self.lines_of_epoch(announced), false);
         }
-        let observations = Vec::with_capacity(self.usual_size.max(16));
+        let observations = Vec::with_capacity(self.usual_size.clamp(16, MOST_ROOM));
         let epoch = ObservationEpoch { time_gps, flag, observations };
         let types = self.builder.types_2();
         let listed = self

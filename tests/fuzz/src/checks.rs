@@ -1,0 +1,106 @@
+//! What holds of every record, whatever it was read from.
+
+use std::ops::RangeInclusive;
+
+use cofix_common::decode::Record;
+use cofix_common::gnss::{Observation, ObservationEpoch, SatelliteId};
+use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, SatelliteState};
+
+/// Memory that records may take per byte they were read from.
+const MEMORY_PER_BYTE: usize = 64;
+/// And beside that, for room that is set aside in the largest epoch.
+const MEMORY_AT_LEAST: usize = 1 << 20;
+
+/// Values are finite, satellites have numbers, and records take no more memory than their text makes likely.
+pub(crate) fn records(records: &[Record], bytes: usize) {
+    let mut memory = 0;
+    for record in records {
+        memory += size_of::<Record>();
+        match record {
+            Record::Epoch(epoch) => {
+                memory += epoch.observations.capacity() * size_of::<Observation>();
+                observations(epoch);
+            }
+            Record::Ephemeris(ephemeris) => kepler(ephemeris),
+            Record::Glonass(ephemeris) => glonass(ephemeris),
+        }
+    }
+    let limit = MEMORY_AT_LEAST + MEMORY_PER_BYTE * bytes;
+    assert!(memory <= limit, "records of {bytes} bytes take {memory}, limit {limit}");
+}
+
+/// Epochs come in order of time, each once.
+pub(crate) fn in_order(records: &[Record]) {
+    let times: Vec<_> = records.iter().filter_map(epoch).map(|epoch| epoch.time_gps).collect();
+    assert!(times.is_sorted_by(|a, b| a < b), "{times:?}");
+}
+
+/// Pseudoranges and Doppler as the decoders state their limits.
+pub(crate) fn in_bounds(records: &[Record], pseudorange_m: &RangeInclusive<f64>) {
+    for observation in records.iter().filter_map(epoch).flat_map(|epoch| &epoch.observations) {
+        let inside = observation.pseudorange_m.is_none_or(|p| pseudorange_m.contains(&p))
+            && observation.doppler_hz.is_none_or(|d| d.abs() <= 5e4)
+            && observation.cn0_dbhz.is_none_or(|c| (0.0..=70.0).contains(&c));
+        assert!(inside, "{observation:?}");
+    }
+}
+
+/// The epoch of a record.
+pub(crate) fn epoch(record: &Record) -> Option<&ObservationEpoch> {
+    match record {
+        Record::Epoch(epoch) => Some(epoch),
+        Record::Ephemeris(_) | Record::Glonass(_) => None,
+    }
+}
+
+fn observations(epoch: &ObservationEpoch) {
+    for observation in &epoch.observations {
+        numbered(observation.satellite);
+        let values = [
+            observation.pseudorange_m,
+            observation.carrier_phase_cycles,
+            observation.doppler_hz,
+            observation.cn0_dbhz,
+        ];
+        assert!(values.into_iter().flatten().all(f64::is_finite), "{}: {observation:?}", epoch.time_gps);
+        assert!(values.iter().any(Option::is_some), "{}: {observation:?}", epoch.time_gps);
+    }
+    let name = |o: &Observation| (o.satellite, o.signal);
+    let mut names: Vec<_> = epoch.observations.iter().map(name).collect();
+    names.sort_unstable();
+    let count = names.len();
+    names.dedup();
+    assert_eq!(names.len(), count, "{}: a signal twice", epoch.time_gps);
+}
+
+fn numbered(satellite: SatelliteId) {
+    assert!((1..=99).contains(&satellite.number), "{satellite}");
+}
+
+/// Orbit and clock are finite where they are used.
+pub(crate) fn kepler(ephemeris: &KeplerEphemeris) {
+    numbered(ephemeris.satellite);
+    for elapsed_s in [-7_200.0, 0.0, 14_400.0] {
+        finite(&ephemeris.state(ephemeris.toe + elapsed_s), ephemeris);
+    }
+    assert!((ephemeris.toe - ephemeris.toc).abs() <= 2.0 * 604_800.0, "{ephemeris:?}");
+    assert!(ephemeris.health.is_finite() && ephemeris.accuracy_m > 0.0, "{ephemeris:?}");
+}
+
+/// Orbit and clock are finite where they are used.
+pub(crate) fn glonass(ephemeris: &GlonassEphemeris) {
+    numbered(ephemeris.satellite);
+    for elapsed_s in [-1_800.0, 0.0, 1_800.0] {
+        finite(&ephemeris.state(ephemeris.toe + elapsed_s), ephemeris);
+    }
+    assert!((-7..=13).contains(&ephemeris.frequency_channel), "{ephemeris:?}");
+}
+
+pub(crate) fn finite(state: &SatelliteState, of: &dyn std::fmt::Debug) {
+    let all = state.position.is_finite()
+        && state.velocity.is_finite()
+        && state.clock_s.is_finite()
+        && state.clock_drift_sps.is_finite()
+        && state.sigma_m > 0.0;
+    assert!(all, "{state:?} of {of:?}");
+}

@@ -1,0 +1,99 @@
+//! Files that are read whole.
+
+use std::io::Write;
+
+use cofix_common::accuracy::Truth;
+use cofix_common::gsdc::ground_truth;
+use cofix_common::orbit::{Products, Sp3};
+use cofix_common::rinex::{MAX_DECOMPRESSED_BYTES, NavigationDecoder, NavigationFile, decompress};
+use flate2::Compression;
+use flate2::write::GzEncoder;
+
+use crate::portions::feed_both_ways;
+use crate::{checks, round_trip};
+
+/// RINEX 2, 3 and 4 navigation.
+pub fn navigation(bytes: &[u8]) {
+    let stream = feed_both_ways(NavigationDecoder::default, bytes);
+    checks::records(&stream.records, bytes.len());
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        return;
+    }
+    let file = NavigationFile::parse(bytes);
+    assert_eq!(file.is_ok(), stream.end.is_ok());
+    let Ok(file) = file else { return };
+    assert_eq!(file.ephemerides.len() + file.glonass.len(), stream.records.len());
+    assert_eq!(file.skips, stream.skips);
+    round_trip::navigation(&file);
+    products(Vec::new(), vec![file]);
+}
+
+/// SP3-c and SP3-d.
+pub fn sp3(bytes: &[u8]) {
+    let Ok(file) = Sp3::parse(bytes) else { return };
+    assert!(file.interval_s > 0.0 && file.interval_s.is_finite(), "{}", file.interval_s);
+    assert!(!file.positions.is_empty() && file.positions.len() <= bytes.len());
+    for position in &file.positions {
+        let radius_m = position.position.0.norm();
+        assert!((6.4e6..=1e8).contains(&radius_m), "{position:?}");
+        assert!(position.clock_s.is_none_or(|clock_s| clock_s.abs() <= 1.0), "{position:?}");
+        assert!((1..=99).contains(&position.satellite.number), "{position:?}");
+    }
+    products(vec![file], Vec::new());
+}
+
+/// Whatever the products give is finite.
+fn products(sp3: Vec<Sp3>, navigation: Vec<NavigationFile>) {
+    let mut instants: Vec<_> = sp3
+        .iter()
+        .flat_map(|file| &file.positions)
+        .map(|position| (position.satellite, position.time + 400.0))
+        .collect();
+    for file in &navigation {
+        instants.extend(file.ephemerides.iter().map(|e| (e.satellite, e.toe + 600.0)));
+        instants.extend(file.glonass.iter().map(|e| (e.satellite, e.toe + 600.0)));
+    }
+    instants.truncate(200);
+    let products = Products::new(sp3, navigation);
+    for (satellite, time) in instants {
+        if let Ok(state) = products.satellite_state(satellite, time) {
+            checks::finite(&state, &(satellite, time));
+        }
+    }
+}
+
+/// Ground truth of the challenge, and our own table.
+pub fn truth(bytes: &[u8]) {
+    for parsed in [ground_truth(bytes), Truth::parse_csv(bytes)] {
+        let Ok((truth, _)) = parsed else { continue };
+        let Some((first, last)) = truth.span() else { continue };
+        assert!(first <= last && truth.interval_s().is_finite());
+        let qualities: Vec<u8> = (0..=u8::MAX).collect();
+        let rows: Vec<_> = truth.times(&qualities).take(100).collect();
+        for time in rows {
+            for offset_s in [0.0, 0.3, -0.05] {
+                let Some(point) = truth.at(time + offset_s, &qualities) else { continue };
+                assert!(
+                    point.position.is_finite() && point.velocity.is_finite(),
+                    "{time} + {offset_s}: {point:?}"
+                );
+            }
+        }
+    }
+}
+
+/// Compressed files: what is compressed comes back, what is not passes, what is damaged is an error.
+pub fn gzip(bytes: &[u8]) {
+    match decompress(bytes) {
+        Ok(expanded) if bytes.starts_with(&[0x1f, 0x8b]) => {
+            assert!(expanded.len() as u64 <= MAX_DECOMPRESSED_BYTES);
+        }
+        Ok(same) => assert_eq!(*same, *bytes),
+        Err(error) => assert!(bytes.starts_with(&[0x1f, 0x8b]), "{error}"),
+    }
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    let compressed = encoder.write_all(bytes).and_then(|()| encoder.finish()).unwrap_or_default();
+    assert_eq!(decompress(&compressed).as_deref(), Ok(bytes));
+    let cut = compressed.get(..compressed.len() - 1).unwrap_or_default();
+    assert!(decompress(cut).is_err(), "cut off by one byte");
+}

@@ -1,0 +1,114 @@
+//! Streams of observations: the same records however they are cut into portions, all of them sound.
+
+#[cfg(feature = "agent")]
+use cofix_agent::format::Format;
+#[cfg(feature = "agent")]
+use cofix_agent::stream::StreamDecoder;
+use cofix_common::decode::Record;
+use cofix_common::gnsslogger::{GnssLoggerDecoder, Masks, Options};
+use cofix_common::gsdc::{DerivedDecoder, DerivedFile};
+use cofix_common::rinex::{ObservationDecoder, ObservationFile};
+use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::time::GpsTime;
+
+use crate::portions::{Outcome, feed_both_ways, same};
+use crate::{checks, round_trip};
+
+/// An instant for streams that carry the time of week only: 2020-08-13.
+pub(crate) fn near() -> GpsTime {
+    GpsTime::from_week_tow(2118, 396_000.0)
+}
+
+fn check(outcome: &Outcome, bytes: &[u8]) {
+    checks::records(&outcome.records, bytes.len());
+    // A stream of RTCM 3 whose clock is set back goes on.
+    if outcome.skips.count("the stream's time stepped back") == 0 {
+        checks::in_order(&outcome.records);
+        round_trip::observations(&outcome.records);
+    }
+}
+
+/// RINEX 2, 3 and 4 observations.
+pub fn observations(bytes: &[u8]) {
+    let outcome = feed_both_ways(ObservationDecoder::default, bytes);
+    check(&outcome, bytes);
+    checks::in_bounds(&outcome.records, &(1e6..=1e9));
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        return;
+    }
+    let file = ObservationFile::parse(bytes);
+    assert_eq!(file.is_ok(), outcome.end.is_ok(), "{file:?}");
+    let Ok(file) = file else { return };
+    assert_eq!(file.skips, outcome.skips);
+    let epochs: Vec<Record> = file.epochs.into_iter().map(Record::Epoch).collect();
+    assert!(same(&epochs, &outcome.records), "a file and a stream");
+}
+
+/// Compact RINEX 1 and 3: what stands before the two first lines of plain files.
+pub fn compact_rinex(bytes: &[u8]) {
+    let first = if bytes.len().is_multiple_of(2) { "3.0" } else { "1.0" };
+    if bytes.get(60..71) == Some(b"CRINEX VERS") {
+        return observations(bytes);
+    }
+    let head = format!("{first:20}{:40}CRINEX VERS   / TYPE\n", "COMPACT RINEX FORMAT");
+    observations(&[head.as_bytes(), bytes].concat());
+}
+
+/// GnssLogger text, with the usual masks and with none.
+pub fn gnsslogger(bytes: &[u8]) {
+    let outcome = feed_both_ways(GnssLoggerDecoder::default, bytes);
+    check(&outcome, bytes);
+    let options = Options { masks: Masks::none(), keep_invalid_phase: true, ..Options::default() };
+    let outcome = feed_both_ways(|| GnssLoggerDecoder::new(options.clone()), bytes);
+    checks::records(&outcome.records, bytes.len());
+    checks::in_order(&outcome.records);
+}
+
+/// RTCM 3, with its frames.
+pub fn rtcm_stream(bytes: &[u8]) {
+    let outcome = feed_both_ways(|| RtcmDecoder::new(RtcmOptions::near(near())), bytes);
+    check(&outcome, bytes);
+}
+
+/// Challenge tables of both generations.
+pub fn challenge_table(bytes: &[u8]) {
+    let outcome = feed_both_ways(DerivedDecoder::default, bytes);
+    check(&outcome, bytes);
+    let Ok(file) = DerivedFile::parse(bytes) else { return };
+    for given in file.epochs.iter().flat_map(|epoch| &epoch.observations).filter_map(|o| o.given.as_ref()) {
+        assert!(!format!("{given:?}").contains("NaN"), "{given:?}");
+    }
+}
+
+/// A stream of any format, which is recognised first.
+#[cfg(feature = "agent")]
+pub fn stream(bytes: &[u8]) {
+    use cofix_common::decode::Decoder;
+
+    let mut whole = StreamDecoder::new(near());
+    let at_once = crate::portions::feed(&mut whole, [bytes]);
+    check_loosely(&at_once, bytes);
+    let mut cut = StreamDecoder::new(near());
+    let in_portions = crate::portions::feed(&mut cut, crate::portions::random_portions(bytes));
+    // RTCM 3 is recognised by its first frame, text by its lines: of a mixture, whichever comes first.
+    if whole.format() == cut.format() && whole.format() != Some(Format::Rtcm3) {
+        assert!(same(&at_once.records, &in_portions.records), "{:?}", whole.format());
+        assert_eq!(whole.skips(), cut.skips());
+    } else {
+        check_loosely(&in_portions, bytes);
+        let either = [whole.format(), cut.format()];
+        assert!(either.contains(&Some(Format::Rtcm3)) || either.contains(&None), "{either:?}");
+    }
+    // A connection is lost in the middle.
+    let mut interrupted = StreamDecoder::new(near());
+    let (before, after) = bytes.split_at(bytes.len() / 2);
+    if interrupted.feed(before).is_ok() && interrupted.interrupt().is_ok() {
+        check_loosely(&crate::portions::feed(&mut interrupted, [after]), bytes);
+    }
+}
+
+/// Of a log and of RTCM 3 epochs may come again; the agent's records put them in order.
+#[cfg(feature = "agent")]
+fn check_loosely(outcome: &Outcome, bytes: &[u8]) {
+    checks::records(&outcome.records, bytes.len());
+}
