@@ -200,16 +200,15 @@ const GPS: &str = "     2.10           N: GPS NAV DATA                         R
 
 /// A Galileo or QZSS record of RINEX 3 in the form of RINEX 2.12, with the system's letter or without.
 fn as_2(record: &str, lettered: bool) -> String {
-    let mut text = String::new();
-    for (index, line) in record.lines().enumerate() {
+    let written = |(index, line): (usize, &str)| {
         let (id, number) = if lettered { (&line[..3], 0) } else { (&line[1..3], 1) };
         match index {
             // A year of two digits, and the second with its tenth.
-            0 => text += &format!("{id} {}{}.0{}\n", &line[6..20], &line[20..23], &line[23..]),
-            _ => text += &format!("{}\n", &line[number..]),
+            0 => format!("{id} {}{}.0{}\n", &line[6..20], &line[20..23], &line[23..]),
+            _ => format!("{}\n", &line[number..]),
         }
-    }
-    text
+    };
+    record.lines().enumerate().map(written).collect()
 }
 
 #[test]
