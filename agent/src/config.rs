@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cofix_common::gnss::ObservationEpoch;
+use cofix_common::gnsslogger;
 use cofix_common::orbit::Products;
 use cofix_common::time::GpsTime;
 
@@ -30,6 +31,8 @@ pub struct AgentConfig {
     pub connect: Vec<String>,
     /// How fast recorded epochs are published.
     pub speed: Speed,
+    /// How GnssLogger text is read.
+    pub log: gnsslogger::Options,
     /// The estimator's settings.
     pub pipeline: PipelineOptions,
     /// How long to wait for the hub: to be reachable, to listen, and, without progress, to confirm receipt.
@@ -87,6 +90,13 @@ pub enum ProductSource {
     Files(ProductFiles),
     /// Read already, and shared.
     Loaded(Arc<Products>),
+}
+
+impl Default for ProductSource {
+    /// No files.
+    fn default() -> Self {
+        Self::Files(ProductFiles::default())
+    }
 }
 
 /// Product files, any number of each kind, plain or compressed (.gz, .Z). Without any, the observations' own navigation messages serve.

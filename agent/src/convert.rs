@@ -14,7 +14,7 @@ use cofix_common::time::{Calendar, GpsTime};
 
 use crate::Stop;
 use crate::products::OwnNavigation;
-use crate::source::{self, SourceError};
+use crate::source::{self, Reading, SourceError};
 
 /// What to write.
 #[derive(Clone, Debug, Default)]
@@ -80,7 +80,7 @@ struct Contents {
 pub fn convert(
     files: &[PathBuf],
     outputs: &Outputs,
-    near: Option<GpsTime>,
+    reading: &Reading,
     stop: &Stop,
 ) -> Result<Converted, ConvertError> {
     for output in [&outputs.observations, &outputs.navigation].into_iter().flatten() {
@@ -90,14 +90,14 @@ pub fn convert(
     let mut contents = Contents::default();
     contents.info.created = now();
     for path in files {
-        converted.skips.merge(&contents.read(path, near, stop)?);
+        converted.skips.merge(&contents.read(path, reading, stop)?);
     }
     if let Some(path) = &outputs.observations {
         if contents.epochs == 0 {
             return Err(ConvertError::Nothing { path: path.clone(), what: "epoch" });
         }
         let writer = ObservationWriter::new(contents.layout.clone());
-        write_observations((path, files), &contents.info, writer, (near, stop), &mut converted)?;
+        write_observations((path, files), &contents.info, writer, (reading, stop), &mut converted)?;
     }
     if let Some(path) = &outputs.navigation {
         if contents.navigation.is_empty() {
@@ -109,8 +109,8 @@ pub fn convert(
 }
 
 impl Contents {
-    fn read(&mut self, path: &Path, near: Option<GpsTime>, stop: &Stop) -> Result<Skips, SourceError> {
-        let mut records = source::open_file(path, near)?;
+    fn read(&mut self, path: &Path, reading: &Reading, stop: &Stop) -> Result<Skips, SourceError> {
+        let mut records = source::open_file(path, reading)?;
         let mut navigation = OwnNavigation::default();
         while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
             if let Some(epoch) = navigation.take(record) {
@@ -166,7 +166,7 @@ fn write_observations(
     (path, files): (&Path, &[PathBuf]),
     info: &RecordingInfo,
     mut writer: ObservationWriter,
-    (near, stop): (Option<GpsTime>, &Stop),
+    (reading, stop): (&Reading, &Stop),
     converted: &mut Converted,
 ) -> Result<(), ConvertError> {
     let failed = |cause| ConvertError::Write { path: path.to_owned(), cause };
@@ -174,7 +174,7 @@ fn write_observations(
     to_file(path, |put| {
         put(&writer.header(info)).map_err(failed)?;
         for file in files {
-            let mut records = source::open_file(file, near)?;
+            let mut records = source::open_file(file, reading)?;
             while let Some(record) = records.next(stop).map_err(|error| source::file_error(file, error))? {
                 let Record::Epoch(epoch) = record else { continue };
                 if last.is_some_and(|last| epoch.time_gps <= last) {

@@ -10,8 +10,11 @@ use cofix_agent::convert::Outputs;
 use cofix_agent::corrections::base_position;
 use cofix_agent::input::LiveSource;
 use cofix_agent::input::ntrip::{self, Caster};
+use cofix_agent::inspect::InspectOptions;
+use cofix_agent::masks::{LogOptions, Masks};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::signals::run_until_asked_to_end;
+use cofix_agent::source::Reading;
 use cofix_agent::{
     AgentConfig, CorrectionSource, Corrections, ProductFiles, ProductSource, Source, Speed, Stop,
 };
@@ -61,6 +64,10 @@ struct Inspect {
     /// With orbits, recordings are processed too, and what masks and RAIM take is counted
     #[command(flatten)]
     products: ProductFiles,
+    #[command(flatten)]
+    masks: Masks,
+    #[command(flatten)]
+    log: LogOptions,
 }
 
 #[derive(Debug, Args)]
@@ -77,6 +84,11 @@ struct Convert {
     /// An instant within three days of the recordings, for RTCM 3 [GPS time, YYYY-MM-DDThh:mm:ss]
     #[arg(long, value_name = "TIME")]
     date: Option<GpsTime>,
+    /// Signals of GnssLogger text weaker than this are left out [dB-Hz; default 15]
+    #[arg(long, value_name = "DBHZ")]
+    cn0_mask: Option<f64>,
+    #[command(flatten)]
+    log: LogOptions,
 }
 
 /// Publishing.
@@ -128,6 +140,10 @@ struct Publish {
     patience: u64,
     #[command(flatten)]
     products: ProductFiles,
+    #[command(flatten)]
+    masks: Masks,
+    #[command(flatten)]
+    log: LogOptions,
 }
 
 fn main() -> ExitCode {
@@ -162,11 +178,15 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
 
 /// A file that cannot be used does not keep the others from being shown; the exit code tells.
 fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
-    let products = ProductSource::Files(arguments.products.clone());
+    let options = InspectOptions {
+        reading: Reading { near: arguments.date, log: arguments.log.with(&arguments.masks)? },
+        products: ProductSource::Files(arguments.products.clone()),
+        correction: arguments.masks.apply(CorrectionOptions::default())?,
+    };
     let mut inspections = Vec::new();
     let mut failed = 0;
     for path in &arguments.files {
-        match cofix_agent::inspect::inspect(path, arguments.date, &products, &Stop::default()) {
+        match cofix_agent::inspect::inspect(path, &options, &Stop::default()) {
             Ok(inspection) => inspections.push(inspection),
             Err(error) => {
                 failed += 1;
@@ -193,9 +213,11 @@ fn print(text: &str) -> anyhow::Result<()> {
 }
 
 fn convert(arguments: Convert) -> anyhow::Result<()> {
-    let Convert { files, observations, navigation, date } = arguments;
+    let Convert { files, observations, navigation, date, cn0_mask, log } = arguments;
     let outputs = Outputs { observations, navigation };
-    let converted = cofix_agent::convert::convert(&files, &outputs, date, &Stop::default())?;
+    let log = log.with(&Masks { cn0_dbhz: cn0_mask, ..Masks::default() })?;
+    let reading = Reading { near: date, log };
+    let converted = cofix_agent::convert::convert(&files, &outputs, &reading, &Stop::default())?;
     for (reason, skip) in converted.skips.iter() {
         tracing::warn!("skipped {} × {reason}, first: {}", skip.count, skip.first);
     }
@@ -220,8 +242,12 @@ impl Publish {
             },
             connect: self.connect,
             speed: self.speed,
+            log: self.log.with(&self.masks)?,
             pipeline: PipelineOptions {
-                correction: CorrectionOptions { ionosphere: self.ionosphere, ..CorrectionOptions::default() },
+                correction: self.masks.apply(CorrectionOptions {
+                    ionosphere: self.ionosphere,
+                    ..CorrectionOptions::default()
+                })?,
                 recorded_corrections: self.recorded_corrections,
                 ..PipelineOptions::default()
             },

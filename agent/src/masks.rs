@@ -1,4 +1,4 @@
-//! Masks as the command line and session files name them.
+//! Masks as the command line and session files name them. What is left open has its default.
 
 use std::ops::RangeInclusive;
 
@@ -7,7 +7,7 @@ use cofix_common::gnsslogger::{self, BiasReference};
 use cofix_common::measurement::CorrectionOptions;
 use serde::{Deserialize, Serialize};
 
-/// What is not used of a recording. What is left open has its default.
+/// What is not used, of any format.
 #[derive(Args, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[command(next_help_heading = "Masks")]
@@ -18,26 +18,32 @@ pub struct Masks {
     /// Signals weaker than this are not used [dB-Hz; default 15]
     #[arg(long = "cn0-mask", value_name = "DBHZ")]
     pub cn0_dbhz: Option<f64>,
-    /// GnssLogger text: largest ReceivedSvTimeUncertaintyNanos [ns; default 500]
+}
+
+/// How GnssLogger text is read, and what of it is not used.
+#[derive(Args, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[command(next_help_heading = "GnssLogger text")]
+pub struct LogOptions {
+    /// Largest ReceivedSvTimeUncertaintyNanos [ns; default 500]
     #[arg(long, value_name = "NS")]
     pub received_time_uncertainty_ns: Option<f64>,
-    /// GnssLogger text: largest BiasUncertaintyNanos [ns; default 1e7]
+    /// Largest BiasUncertaintyNanos [ns; default 1e7]
     #[arg(long, value_name = "NS")]
     pub bias_uncertainty_ns: Option<f64>,
-    /// GnssLogger text: largest PseudorangeRateUncertaintyMetersPerSecond; above it the code is used without the rate [m/s;
-    /// default 10]
+    /// Largest PseudorangeRateUncertaintyMetersPerSecond; above it the code is used without the rate [m/s; default 10]
     #[arg(long, value_name = "MPS")]
     pub rate_uncertainty_mps: Option<f64>,
-    /// GnssLogger text: use signals whose MultipathIndicator is 1 (detected) too
+    /// Use signals whose MultipathIndicator is 1 (detected) too
     #[arg(long)]
     pub keep_multipath: bool,
-    /// GnssLogger text: use time of week without its state bits too, where the pseudorange is plausible
+    /// Use times of transmission for which no state bit vouches too, where the pseudorange is plausible
     #[arg(long)]
     pub keep_untimed: bool,
-    /// GnssLogger text: give carrier phases too that the phone does not call valid
+    /// Give carrier phases too that the phone does not call valid
     #[arg(long)]
     pub keep_invalid_phase: bool,
-    /// GnssLogger text: which FullBiasNanos turns the phone's clock into GPS time [default: each-epoch]
+    /// Which FullBiasNanos turns the phone's clock into GPS time [default: each-epoch]
     #[arg(long, value_name = "WHICH")]
     pub bias_reference: Option<Bias>,
 }
@@ -54,7 +60,7 @@ pub enum Bias {
 
 /// A mask that makes no sense.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("the mask {name} is {value}; it must lie between {} and {}", limits.start(), limits.end())]
+#[error("the mask of {name} is {value}; it must lie between {} and {}", limits.start(), limits.end())]
 pub struct MaskError {
     name: &'static str,
     value: f64,
@@ -62,60 +68,64 @@ pub struct MaskError {
 }
 
 impl Masks {
-    /// Whether every value makes sense.
+    /// The options of corrections with these masks.
     ///
     /// # Errors
-    /// The first that does not.
-    pub fn check(&self) -> Result<(), MaskError> {
-        let uncertainty = 0.0..=f64::MAX;
-        for (name, value, limits) in [
-            ("of the elevation [degrees]", self.elevation_deg, 0.0..=90.0),
-            ("of C/N0 [dB-Hz]", self.cn0_dbhz, 0.0..=80.0),
-            (
-                "of the received time's uncertainty [ns]",
-                self.received_time_uncertainty_ns,
-                uncertainty.clone(),
-            ),
-            ("of the bias uncertainty [ns]", self.bias_uncertainty_ns, uncertainty.clone()),
-            ("of the rate's uncertainty [m/s]", self.rate_uncertainty_mps, uncertainty),
-        ] {
-            if let Some(value) = value.filter(|value| !limits.contains(value)) {
-                return Err(MaskError { name, value, limits });
-            }
-        }
-        Ok(())
+    /// A mask that makes no sense.
+    pub fn apply(&self, options: CorrectionOptions) -> Result<CorrectionOptions, MaskError> {
+        let elevation_deg = checked("the elevation [degrees]", self.elevation_deg, 0.0..=90.0)?;
+        Ok(CorrectionOptions {
+            elevation_mask_rad: elevation_deg.map_or(options.elevation_mask_rad, f64::to_radians),
+            minimum_cn0_dbhz: self.cn0_dbhz()?.unwrap_or(options.minimum_cn0_dbhz),
+            ..options
+        })
     }
 
-    /// The masks of corrections.
-    pub fn correction(&self, mut options: CorrectionOptions) -> CorrectionOptions {
-        if let Some(degrees) = self.elevation_deg {
-            options.elevation_mask_rad = degrees.to_radians();
-        }
-        if let Some(cn0_dbhz) = self.cn0_dbhz {
-            options.minimum_cn0_dbhz = cn0_dbhz;
-        }
-        options
+    fn cn0_dbhz(&self) -> Result<Option<f64>, MaskError> {
+        checked("C/N0 [dB-Hz]", self.cn0_dbhz, 0.0..=80.0)
     }
+}
 
-    /// How GnssLogger text is read.
-    pub fn log(&self) -> gnsslogger::Options {
-        let mut options = gnsslogger::Options::default();
-        let masks = &mut options.masks;
-        let set = |place: &mut f64, value: Option<f64>| *place = value.unwrap_or(*place);
-        set(&mut masks.min_cn0_dbhz, self.cn0_dbhz);
-        set(&mut masks.max_received_time_uncertainty_ns, self.received_time_uncertainty_ns);
-        set(&mut masks.max_bias_uncertainty_ns, self.bias_uncertainty_ns);
-        set(&mut masks.max_rate_uncertainty_mps, self.rate_uncertainty_mps);
-        masks.reject_multipath = !self.keep_multipath;
-        if self.keep_untimed {
-            masks.states = masks.states.untimed();
-        }
-        options.keep_invalid_phase = self.keep_invalid_phase;
-        options.bias_reference = match self.bias_reference {
-            None | Some(Bias::EachEpoch) => BiasReference::EachEpoch,
-            Some(Bias::FirstEpoch) => BiasReference::FirstEpoch,
+impl LogOptions {
+    /// How text is read; of `masks` the one of C/N0 counts.
+    ///
+    /// # Errors
+    /// A mask that makes no sense.
+    pub fn with(&self, masks: &Masks) -> Result<gnsslogger::Options, MaskError> {
+        let mut options = gnsslogger::Options {
+            keep_invalid_phase: self.keep_invalid_phase,
+            bias_reference: match self.bias_reference {
+                None | Some(Bias::EachEpoch) => BiasReference::EachEpoch,
+                Some(Bias::FirstEpoch) => BiasReference::FirstEpoch,
+            },
+            ..gnsslogger::Options::default()
         };
-        options
+        let log = &mut options.masks;
+        let set = |place: &mut f64, name, value| -> Result<(), MaskError> {
+            *place = checked(name, value, 0.0..=f64::MAX)?.unwrap_or(*place);
+            Ok(())
+        };
+        let received_ns = self.received_time_uncertainty_ns;
+        set(&mut log.max_received_time_uncertainty_ns, "the received time's uncertainty [ns]", received_ns)?;
+        set(&mut log.max_bias_uncertainty_ns, "the bias uncertainty [ns]", self.bias_uncertainty_ns)?;
+        set(&mut log.max_rate_uncertainty_mps, "the rate's uncertainty [m/s]", self.rate_uncertainty_mps)?;
+        log.min_cn0_dbhz = masks.cn0_dbhz()?.unwrap_or(log.min_cn0_dbhz);
+        log.reject_multipath = !self.keep_multipath;
+        if self.keep_untimed {
+            log.states = log.states.untimed();
+        }
+        Ok(options)
+    }
+}
+
+fn checked(
+    name: &'static str,
+    value: Option<f64>,
+    limits: RangeInclusive<f64>,
+) -> Result<Option<f64>, MaskError> {
+    match value {
+        Some(value) if !limits.contains(&value) => Err(MaskError { name, value, limits }),
+        value => Ok(value),
     }
 }
 
@@ -126,16 +136,17 @@ mod tests {
     #[test]
     fn what_is_left_open_is_as_by_default() {
         let open = Masks::default();
-        assert_eq!(open.log(), gnsslogger::Options::default());
-        assert_eq!(open.correction(CorrectionOptions::default()), CorrectionOptions::default());
-        assert_eq!(open.check(), Ok(()));
+        assert_eq!(LogOptions::default().with(&open), Ok(gnsslogger::Options::default()));
+        assert_eq!(open.apply(CorrectionOptions::default()), Ok(CorrectionOptions::default()));
     }
 
     #[test]
     fn what_is_given_is_used() {
-        let masks = Masks {
-            elevation_deg: Some(10.0),
-            cn0_dbhz: Some(20.0),
+        let masks = Masks { elevation_deg: Some(10.0), cn0_dbhz: Some(20.0) };
+        let correction = masks.apply(CorrectionOptions::default()).unwrap();
+        assert!((correction.elevation_mask_rad - 10_f64.to_radians()).abs() < 1e-15);
+        assert!((correction.minimum_cn0_dbhz - 20.0).abs() < 1e-15);
+        let log = LogOptions {
             received_time_uncertainty_ns: Some(100.0),
             bias_uncertainty_ns: Some(40.0),
             rate_uncertainty_mps: Some(1.0),
@@ -144,10 +155,7 @@ mod tests {
             keep_invalid_phase: true,
             bias_reference: Some(Bias::FirstEpoch),
         };
-        let correction = masks.correction(CorrectionOptions::default());
-        assert!((correction.elevation_mask_rad - 10_f64.to_radians()).abs() < 1e-15);
-        assert!((correction.minimum_cn0_dbhz - 20.0).abs() < 1e-15);
-        let log = masks.log();
+        let log = log.with(&masks).unwrap();
         let limits = [
             log.masks.min_cn0_dbhz,
             log.masks.max_received_time_uncertainty_ns,
@@ -165,9 +173,11 @@ mod tests {
         for masks in [
             Masks { elevation_deg: Some(91.0), ..Masks::default() },
             Masks { cn0_dbhz: Some(f64::NAN), ..Masks::default() },
-            Masks { bias_uncertainty_ns: Some(-1.0), ..Masks::default() },
         ] {
-            assert!(masks.check().unwrap_err().to_string().contains("must lie between"));
+            let error = masks.apply(CorrectionOptions::default()).unwrap_err();
+            assert!(error.to_string().contains("must lie between"), "{error}");
         }
+        let log = LogOptions { bias_uncertainty_ns: Some(-1.0), ..LogOptions::default() };
+        assert!(log.with(&Masks::default()).is_err());
     }
 }

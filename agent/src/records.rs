@@ -1,6 +1,7 @@
 //! Bytes of any source and format to records, in order of time.
 
 use cofix_common::decode::{Decoder, Record};
+use cofix_common::gnsslogger;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
@@ -50,6 +51,12 @@ impl Records {
     /// Records whose `near` is a guess; where the format lacks the week, the skips say so.
     pub fn with_guessed_date(bytes: Box<dyn Bytes>, near: GpsTime) -> Self {
         Self { date_is_guessed: true, ..Self::new(bytes, near) }
+    }
+
+    /// The same for GnssLogger text read in another way than by default.
+    #[must_use]
+    pub fn with_log_options(self, log: gnsslogger::Options) -> Self {
+        Self { decoder: self.decoder.with_log_options(log), ..self }
     }
 
     /// The next record; blocks until there is one. `None` at the end, and soon after a request to stop. Epochs come in

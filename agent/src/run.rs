@@ -14,7 +14,7 @@ use crate::pace::Pace;
 use crate::pipeline::PhonePipeline;
 use crate::products::{Loaded, OwnNavigation, note_shortcomings};
 use crate::publication::{Publication, PublicationError, Publisher};
-use crate::source::{self, Opened, SourceError};
+use crate::source::{self, Opened, Reading, SourceError};
 use crate::{AgentConfig, Source, Speed, Stop};
 
 /// Why an agent's run failed.
@@ -124,6 +124,7 @@ impl<'a> Prepared<'a> {
     fn new(config: &'a AgentConfig, stop: &Stop) -> Result<Self, AgentError> {
         let loaded = Loaded::read(&config.products)?;
         let Loaded { mut products, mut skips, near } = loaded;
+        let reading = Reading { near, log: config.log.clone() };
         let has_orbits = products.has_orbits();
         let mut expected = None;
         if matches!(config.source, Source::Live { .. }) {
@@ -131,7 +132,7 @@ impl<'a> Prepared<'a> {
                 tracing::info!("no orbits are named: positions begin when the source has sent its own");
             }
         } else {
-            let survey = source::survey(&config.source, near, stop)?;
+            let survey = source::survey(&config.source, &reading, stop)?;
             let states_its_own = config.pipeline.recorded_corrections && survey.has_corrections;
             let others = states_its_own || !config.corrections.is_none();
             if !has_orbits && survey.navigation.is_empty() && !others && !stop.is_requested() {
@@ -145,7 +146,7 @@ impl<'a> Prepared<'a> {
             none if none.is_none() => None,
             corrections => Some(Feed::open(corrections, config.source.near().unwrap_or_else(source::now))?),
         };
-        Ok(Self { products, expected, opened: Opened::open(&config.source, near)?, feed, skips })
+        Ok(Self { products, expected, opened: Opened::open(&config.source, &reading)?, feed, skips })
     }
 }
 

@@ -10,6 +10,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use cofix_common::decode::Record;
 use cofix_common::gnss::ObservationEpoch;
+use cofix_common::gnsslogger;
 use cofix_common::rinex::leap_seconds_at;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -63,6 +64,22 @@ pub enum SourceError {
     NoProducts,
 }
 
+/// How recordings are read.
+#[derive(Clone, Debug, Default)]
+pub struct Reading {
+    /// An instant within three days of the beginning, which RTCM 3 needs: its messages carry the time of week only.
+    pub near: Option<GpsTime>,
+    /// Clock and masks of GnssLogger text.
+    pub log: gnsslogger::Options,
+}
+
+impl Reading {
+    /// The same near another instant.
+    pub fn near(&self, near: GpsTime) -> Self {
+        Self { near: Some(near), log: self.log.clone() }
+    }
+}
+
 /// What a first reading of a recorded source found.
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
@@ -83,14 +100,14 @@ pub(crate) enum Opened<'a> {
 }
 
 impl<'a> Opened<'a> {
-    /// Opens a source. `near` is an instant near its beginning, where one is known.
-    pub(crate) fn open(source: &'a Source, near: Option<GpsTime>) -> Result<Self, SourceError> {
+    /// Opens a source.
+    pub(crate) fn open(source: &'a Source, reading: &Reading) -> Result<Self, SourceError> {
         match source {
             Source::Epochs(epochs) => Ok(Self::Memory(epochs.iter())),
-            Source::File(path) => Ok(Self::file(path, open_file(path, near)?)),
-            Source::DatedFile { path, near } => Ok(Self::file(path, open_file(path, Some(*near))?)),
+            Source::File(path) => Ok(Self::file(path, open_file(path, reading)?)),
+            Source::DatedFile { path, near } => Ok(Self::file(path, open_file(path, &reading.near(*near))?)),
             Source::Live { from, near } => {
-                let records = open_live(from, *near)?;
+                let records = open_live(from, *near)?.with_log_options(reading.log.clone());
                 Ok(Self::Stream { name: from.to_string(), path: None, records: Box::new(records) })
             }
         }
@@ -146,15 +163,17 @@ fn source_error(name: &str, path: Option<&Path>, error: RecordsError) -> SourceE
 ///
 /// # Errors
 /// When the file cannot be opened.
-pub fn open_file(path: &Path, near: Option<GpsTime>) -> Result<Records, SourceError> {
+pub fn open_file(path: &Path, reading: &Reading) -> Result<Records, SourceError> {
     let cause = |cause| SourceError::Read { path: path.to_owned(), kind: KIND, cause };
     let bytes = Recorded::open(path).map_err(cause)?;
-    if let Some(near) = near {
-        return Ok(Records::new(Box::new(bytes), near));
-    }
-    let changed = std::fs::metadata(path).and_then(|metadata| metadata.modified());
-    let near = gps_time_of(changed.unwrap_or_else(|_| SystemTime::now()));
-    Ok(Records::with_guessed_date(Box::new(bytes), near))
+    let records = if let Some(near) = reading.near {
+        Records::new(Box::new(bytes), near)
+    } else {
+        let changed = std::fs::metadata(path).and_then(|metadata| metadata.modified());
+        let near = gps_time_of(changed.unwrap_or_else(|_| SystemTime::now()));
+        Records::with_guessed_date(Box::new(bytes), near)
+    };
+    Ok(records.with_log_options(reading.log.clone()))
 }
 
 fn open_live(live: &LiveSource, near: Option<GpsTime>) -> Result<Records, SourceError> {
@@ -179,8 +198,8 @@ fn gps_time_of(time: SystemTime) -> GpsTime {
 ///
 /// # Errors
 /// When it cannot be read, is of no format that is read, or holds no epoch.
-pub fn survey(source: &Source, near: Option<GpsTime>, stop: &Stop) -> Result<Survey, SourceError> {
-    let mut opened = Opened::open(source, near)?;
+pub fn survey(source: &Source, reading: &Reading, stop: &Stop) -> Result<Survey, SourceError> {
+    let mut opened = Opened::open(source, reading)?;
     let mut survey = Survey::default();
     while let Some(record) = opened.next(stop)? {
         survey.epochs += u64::from(survey.navigation.take(record).is_some());

@@ -19,7 +19,10 @@ pub const BYTES_TO_RECOGNISE: usize = 65_536;
 
 /// Decodes a stream of any format that is read.
 #[derive(Clone, Debug)]
-pub struct StreamDecoder(Kind);
+pub struct StreamDecoder {
+    kind: Kind,
+    log: gnsslogger::Options,
+}
 
 #[derive(Clone, Debug)]
 enum Kind {
@@ -41,12 +44,18 @@ impl StreamDecoder {
         // UTC is behind by seconds only: the same number except around a leap second itself.
         let leap_seconds = u8::try_from(leap_seconds_at(near)).unwrap_or(0);
         let probe = Box::new(RtcmDecoder::new(RtcmOptions { near, leap_seconds }));
-        Self(Kind::Open { start: Vec::new(), probe })
+        Self { kind: Kind::Open { start: Vec::new(), probe }, log: gnsslogger::Options::default() }
+    }
+
+    /// The same for GnssLogger text read in another way than by default.
+    #[must_use]
+    pub fn with_log_options(self, log: gnsslogger::Options) -> Self {
+        Self { log, ..self }
     }
 
     /// The format, once it is recognised.
     pub fn format(&self) -> Option<Format> {
-        match &self.0 {
+        match &self.kind {
             Kind::Open { .. } => None,
             Kind::Rinex(format, _) => Some(*format),
             Kind::GnssLogger(_) => Some(Format::GnssLogger),
@@ -57,7 +66,7 @@ impl StreamDecoder {
 
     /// Klobuchar coefficients that the stream itself carries.
     pub fn ionosphere(&self) -> Option<KlobucharCoefficients> {
-        match &self.0 {
+        match &self.kind {
             Kind::GnssLogger(decoder) => decoder.klobuchar(),
             _ => None,
         }
@@ -65,7 +74,7 @@ impl StreamDecoder {
 
     /// The epoch of the last record with satellite states and corrections of its own, which challenge tables have.
     pub fn recorded_corrections(&self) -> Option<&DerivedEpoch> {
-        match &self.0 {
+        match &self.kind {
             Kind::ChallengeTable(decoder) => decoder.last_epoch().filter(|epoch| epoch.has_corrections()),
             _ => None,
         }
@@ -73,7 +82,7 @@ impl StreamDecoder {
 
     /// Seconds that GPS time is ahead of UTC by the stream itself.
     pub fn leap_seconds(&self) -> Option<i64> {
-        match &self.0 {
+        match &self.kind {
             Kind::GnssLogger(decoder) => decoder.leap_seconds(),
             Kind::Rinex(_, decoder) => decoder.header().and_then(|header| header.leap_seconds),
             _ => None,
@@ -82,7 +91,7 @@ impl StreamDecoder {
 
     /// GLONASS frequency channels by slot, as far as the stream tells them.
     pub fn glonass_channels(&self) -> BTreeMap<u8, i8> {
-        match &self.0 {
+        match &self.kind {
             Kind::GnssLogger(decoder) => decoder.glonass_channels().clone(),
             Kind::Rtcm3(decoder) => decoder.glonass_channels().clone(),
             Kind::Rinex(_, decoder) => {
@@ -94,7 +103,7 @@ impl StreamDecoder {
 
     /// The header of a RINEX stream, once it is complete.
     pub fn header(&self) -> Option<&ObservationHeader> {
-        match &self.0 {
+        match &self.kind {
             Kind::Rinex(_, decoder) => decoder.header(),
             _ => None,
         }
@@ -103,7 +112,7 @@ impl StreamDecoder {
     /// Where the antenna is, as far as the stream states it: of RTCM 3 by messages 1005 and 1006, of RINEX by its header, which
     /// promises an approximate position only.
     pub fn station(&self) -> Option<Ecef> {
-        match &self.0 {
+        match &self.kind {
             Kind::Rtcm3(decoder) => decoder.station().map(|station| station.position),
             _ => self.header().and_then(|header| header.approximate_position),
         }
@@ -115,7 +124,7 @@ impl StreamDecoder {
     /// # Errors
     /// As [`Decoder::feed`].
     pub fn interrupt(&mut self) -> Result<(), WrongStream> {
-        match &mut self.0 {
+        match &mut self.kind {
             Kind::Open { start, .. } => {
                 start.clear();
                 Ok(())
@@ -126,7 +135,7 @@ impl StreamDecoder {
     }
 
     fn decoder(&mut self) -> &mut dyn Decoder {
-        match &mut self.0 {
+        match &mut self.kind {
             Kind::Open { probe, .. } => probe.as_mut(),
             Kind::Rinex(_, decoder) => decoder.as_mut(),
             Kind::GnssLogger(decoder) => decoder.as_mut(),
@@ -137,16 +146,14 @@ impl StreamDecoder {
 
     /// Recognises the stream, if it can be recognised, and hands over what came so far.
     fn recognise(&mut self, bytes: &[u8], ended: bool) -> Result<(), WrongStream> {
-        let Kind::Open { start, probe } = &mut self.0 else { return Ok(()) };
+        let Kind::Open { start, probe } = &mut self.kind else { return Ok(()) };
         start.extend_from_slice(bytes);
         // Its own verdict comes later than ours; what it skipped counts only if it is the one.
         let _ = probe.feed(bytes);
         let text = format::recognise_text(start, ended);
         let kind = match text {
             Some(format @ (Format::Rinex | Format::CompactRinex)) => Kind::Rinex(format, Box::default()),
-            Some(Format::GnssLogger) => {
-                Kind::GnssLogger(Box::new(GnssLoggerDecoder::new(gnsslogger::Options::default())))
-            }
+            Some(Format::GnssLogger) => Kind::GnssLogger(Box::new(GnssLoggerDecoder::new(self.log.clone()))),
             Some(Format::ChallengeTable) => Kind::ChallengeTable(Box::default()),
             Some(Format::Rtcm3) | None if probe.frames() > 0 => Kind::Rtcm3(probe.clone()),
             Some(Format::Rtcm3) | None if ended || start.len() >= BYTES_TO_RECOGNISE => {
@@ -155,22 +162,22 @@ impl StreamDecoder {
             Some(Format::Rtcm3) | None => return Ok(()),
         };
         let start = std::mem::take(start);
-        self.0 = kind;
+        self.kind = kind;
         // The probe has had these bytes already.
-        if matches!(self.0, Kind::Rtcm3(_)) { Ok(()) } else { self.decoder().feed(&start) }
+        if matches!(self.kind, Kind::Rtcm3(_)) { Ok(()) } else { self.decoder().feed(&start) }
     }
 }
 
 impl Decoder for StreamDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
-        match &self.0 {
+        match &self.kind {
             Kind::Open { .. } => self.recognise(bytes, false),
             _ => self.decoder().feed(bytes),
         }
     }
 
     fn finish(&mut self) -> Result<(), WrongStream> {
-        if let Kind::Open { probe, .. } = &mut self.0 {
+        if let Kind::Open { probe, .. } = &mut self.kind {
             // A frame may wait behind noise that looks like a longer one.
             let _ = probe.finish();
         }
@@ -179,14 +186,14 @@ impl Decoder for StreamDecoder {
     }
 
     fn next_record(&mut self) -> Option<Record> {
-        match &self.0 {
+        match &self.kind {
             Kind::Open { .. } => None,
             _ => self.decoder().next_record(),
         }
     }
 
     fn skips(&self) -> &Skips {
-        match &self.0 {
+        match &self.kind {
             Kind::Open { probe, .. } => probe.skips(),
             Kind::Rinex(_, decoder) => decoder.skips(),
             Kind::GnssLogger(decoder) => decoder.skips(),

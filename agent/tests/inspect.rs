@@ -4,8 +4,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use cofix_agent::inspect::inspect;
-use cofix_agent::{ProductFiles, ProductSource, Stop};
+use cofix_agent::inspect::{InspectOptions, inspect};
+use cofix_agent::{ProductSource, Stop};
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::rinex::{ObservationLayout, ObservationWriter, RecordingInfo};
 use cofix_common::simulation::{Scenario, Simulation};
@@ -33,12 +33,12 @@ fn with_orbits_the_masks_that_need_them_are_counted() {
     let path = folder.path().join("phone.rnx");
     write(&path, &epochs);
 
-    let without = ProductSource::Files(ProductFiles::default());
-    let inspection = inspect(&path, None, &without, &Stop::default()).unwrap();
+    let inspection = inspect(&path, &InspectOptions::default(), &Stop::default()).unwrap();
     assert_eq!((inspection.epochs, inspection.trial), (epochs.len() as u64, None));
 
-    let orbits = ProductSource::Loaded(Arc::new(simulation.products()));
-    let inspection = inspect(&path, None, &orbits, &Stop::default()).unwrap();
+    let products = ProductSource::Loaded(Arc::new(simulation.products()));
+    let options = InspectOptions { products, ..InspectOptions::default() };
+    let inspection = inspect(&path, &options, &Stop::default()).unwrap();
     let text = inspection.to_string();
     let trial = inspection.trial.unwrap();
     assert_eq!(trial.solved, epochs.len() as u64, "{text}");

@@ -87,6 +87,7 @@ impl Hub {
             connect: self.session.info().locators().wait().iter().map(ToString::to_string).collect(),
             // Would take a day for each epoch, were it obeyed.
             speed: Speed::Times(1e-5),
+            log: cofix_common::gnsslogger::Options::default(),
             pipeline: PipelineOptions::default(),
             patience: Duration::from_secs(20),
             kept_messages: 100,

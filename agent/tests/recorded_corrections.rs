@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
-use cofix_agent::source::{open_file, survey};
+use cofix_agent::source::{Reading, open_file, survey};
 use cofix_agent::{Source, Stop};
 use cofix_common::accuracy::{Accuracy, Solution, Truth, score};
 use cofix_common::decode::Record;
@@ -36,7 +36,9 @@ fn a_table_needs_no_products_and_a_bare_one_does() {
     let whole =
         file(format!("{HEADER}{}", row("-2179862.557,-26154875.769,-3437694.371,325,-419,3129")).as_bytes());
     let bare = file(format!("{HEADER}{}", row(",,,,,")).as_bytes());
-    let has = |path: PathBuf| survey(&Source::File(path), None, &Stop::default()).unwrap().has_corrections;
+    let has = |path: PathBuf| {
+        survey(&Source::File(path), &Reading::default(), &Stop::default()).unwrap().has_corrections
+    };
     assert!(has(whole.path().to_owned()));
     assert!(!has(bare.path().to_owned()));
 }
@@ -72,7 +74,7 @@ struct Drive {
 /// Runs the pipeline over a table, with its own corrections or with products.
 fn drive(table: &tempfile::NamedTempFile, products: Products, recorded: bool) -> Drive {
     let mut pipeline = PhonePipeline::new("pixel4", Arc::new(products), PipelineOptions::default());
-    let mut records = open_file(table.path(), None).unwrap();
+    let mut records = open_file(table.path(), &Reading::default()).unwrap();
     let (mut wls, mut local, mut times) = (Vec::new(), Vec::new(), Vec::new());
     while let Some(record) = records.next(&Stop::default()).unwrap() {
         let Record::Epoch(epoch) = record else { continue };

@@ -185,7 +185,7 @@ fn run(
     let mut aligner = Aligner::new(plan.phones.len(), AlignOptions::default());
     for (index, phone) in plan.phones.iter().enumerate() {
         let Source::File(path) = &phone.source else { anyhow::bail!("{} is not a file", phone.name) };
-        let mut records = source::open_file(path, None)?;
+        let mut records = source::open_file(path, &source::Reading::default())?;
         let mut pipeline = PhonePipeline::new(&phone.name, Arc::clone(products), variant.pipeline.clone());
         while let Some(record) = records.next(&Stop::default()).context("observations")? {
             let Record::Epoch(epoch) = record else { continue };

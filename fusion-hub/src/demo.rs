@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Context;
+use cofix_agent::masks::{LogOptions, Masks};
 use cofix_agent::{ProductSource, Source};
 use cofix_common::accuracy::{Truth, TruthPoint};
 use cofix_common::measurement::Ionosphere;
@@ -35,6 +36,8 @@ pub fn plan(scenario: Scenario) -> anyhow::Result<Plan> {
         truth_quality: vec![QUALITY],
         preset: Preset::Default,
         ionosphere: Ionosphere::default(),
+        masks: Masks::default(),
+        log: LogOptions::default(),
         truth_skips: Skips::default(),
     })
 }

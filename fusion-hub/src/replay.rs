@@ -3,16 +3,15 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
+use cofix_agent::masks::{LogOptions, MaskError, Masks};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{AgentConfig, Corrections, ProductSource, Source, Speed, Stop, source};
 use cofix_common::accuracy::Truth;
 use cofix_common::gsdc;
 use cofix_common::measurement::Ionosphere;
-use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
@@ -46,6 +45,10 @@ pub struct Plan {
     pub preset: Preset,
     /// What is done about the ionosphere.
     pub ionosphere: Ionosphere,
+    /// What is not used.
+    pub masks: Masks,
+    /// How GnssLogger text is read.
+    pub log: LogOptions,
     /// What was skipped in reading the truths.
     pub truth_skips: Skips,
 }
@@ -104,6 +107,8 @@ impl Plan {
             truth_quality: session.truth_quality.clone(),
             preset: session.preset,
             ionosphere: session.ionosphere,
+            masks: session.masks.clone(),
+            log: session.log.clone(),
             truth_skips,
         })
     }
@@ -111,25 +116,15 @@ impl Plan {
 
 impl Plan {
     /// The settings of a phone's agent.
-    pub fn pipeline(&self, phone: &PlannedPhone) -> PipelineOptions {
+    ///
+    /// # Errors
+    /// A mask that makes no sense.
+    pub fn pipeline(&self, phone: &PlannedPhone) -> Result<PipelineOptions, MaskError> {
         let mut options = settings(self.preset).0;
+        options.correction = self.masks.apply(options.correction)?;
         options.correction.ionosphere = self.ionosphere;
         options.recorded_corrections = phone.recorded_corrections;
-        options
-    }
-
-    /// Reads the products. None need be named when every phone brings its own.
-    fn products(&self) -> anyhow::Result<(Arc<Products>, Skips)> {
-        let ProductSource::Files { sp3, navigation } = &self.products else {
-            return Ok(source::products(&self.products)?);
-        };
-        if sp3.is_empty()
-            && navigation.is_empty()
-            && self.phones.iter().all(|phone| phone.recorded_corrections)
-        {
-            return Ok((Arc::default(), Skips::default()));
-        }
-        Ok(source::products(&self.products)?)
+        Ok(options)
     }
 }
 
@@ -212,7 +207,7 @@ pub fn settings(preset: Preset) -> (PipelineOptions, EngineOptions) {
 /// # Errors
 /// When a file cannot be used, an agent fails, a message is lost, an output cannot be written, or nothing could be fused.
 pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
-    let (products, product_skips) = plan.products()?;
+    let (products, product_skips) = source::products(&plan.products)?;
     if !product_skips.is_empty() {
         tracing::info!("products: {product_skips}");
     }
@@ -234,7 +229,8 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
             corrections: Corrections::default(),
             connect: connect.clone(),
             speed: options.speed,
-            pipeline: plan.pipeline(phone),
+            log: plan.log.with(&plan.masks)?,
+            pipeline: plan.pipeline(phone)?,
             patience: AgentConfig::PATIENCE,
             kept_messages: AgentConfig::KEPT_MESSAGES,
         };

@@ -34,6 +34,17 @@
 //! preset = "default"                  # or "peng2023"
 //! [correction]
 //! ionosphere = "model"                # or "pair": ionosphere-free pair of satellites with two bands, or "pair-only"
+//! [masks]                             # what is not used; these are the defaults
+//! elevation_deg = 7.5
+//! cn0_dbhz = 15.0
+//! [log]                               # GnssLogger text; these are the defaults
+//! received_time_uncertainty_ns = 500.0
+//! bias_uncertainty_ns = 1e7
+//! rate_uncertainty_mps = 10.0         # beyond it the code is used without the rate
+//! keep_multipath = false              # use what the phone flags as multipath
+//! keep_untimed = false                # use times of transmission that no state bit vouches for
+//! keep_invalid_phase = false
+//! bias_reference = "each-epoch"       # or "first-epoch"
 //! ```
 //!
 //! Paths are relative to the file. Unknown keys are errors.
@@ -45,7 +56,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub use cofix_agent::ProductFiles;
-use cofix_common::measurement::Ionosphere;
+use cofix_agent::masks::{LogOptions, Masks};
+use cofix_common::measurement::{CorrectionOptions, Ionosphere};
 use cofix_common::wire::check_name;
 
 use crate::engine::ScheduledConstraint;
@@ -68,6 +80,10 @@ pub struct Session {
     pub preset: Preset,
     /// What is done about the ionosphere.
     pub ionosphere: Ionosphere,
+    /// What is not used.
+    pub masks: Masks,
+    /// How GnssLogger text is read.
+    pub log: LogOptions,
 }
 
 /// One phone of a session.
@@ -155,6 +171,8 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
     if file.evaluation.truth_quality.is_empty() {
         return Err("[evaluation] truth_quality is empty: no row of a truth would count".to_owned());
     }
+    file.masks.apply(CorrectionOptions::default()).map_err(|error| format!("[masks]: {error}"))?;
+    file.log.with(&file.masks).map_err(|error| format!("[log]: {error}"))?;
     let at = |path: PathBuf| folder.join(path);
     let all = |paths: Vec<PathBuf>| paths.into_iter().map(at).collect();
     let phone = |phone: text::PhoneEntry| SessionPhone {
@@ -177,6 +195,8 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
         truth_quality: file.evaluation.truth_quality,
         preset: file.filter.preset,
         ionosphere: file.correction.ionosphere,
+        masks: file.masks,
+        log: file.log,
     })
 }
 

@@ -139,6 +139,7 @@ pub fn agent_config(plan: &Plan, phone: usize, connect: &[String]) -> anyhow::Re
         corrections: Corrections::default(),
         connect: connect.to_vec(),
         speed: Speed::Maximum,
+        log: plan.log.with(&plan.masks)?,
         pipeline: settings(plan.preset).0,
         patience: Duration::from_secs(20),
         kept_messages: AgentConfig::KEPT_MESSAGES,

@@ -9,7 +9,7 @@ use cofix_common::time::GpsTime;
 use super::Arrived;
 use crate::Stop;
 use crate::records::Records;
-use crate::source::{self, SourceError};
+use crate::source::{self, Reading, SourceError};
 
 /// A file of corrections.
 pub(super) struct Recorded {
@@ -24,7 +24,7 @@ pub(super) struct Recorded {
 impl Recorded {
     /// A file, which must be there.
     pub(super) fn open(path: &Path) -> Result<Self, SourceError> {
-        source::open_file(path, None)?;
+        source::open_file(path, &Reading::default())?;
         Ok(Self { path: path.to_owned(), records: None, ahead: None, ended: false })
     }
 
@@ -32,7 +32,7 @@ impl Recorded {
     pub(super) fn until(&mut self, time_gps: GpsTime, stop: &Stop) -> Result<Vec<Arrived>, SourceError> {
         let mut arrived = Vec::new();
         if self.records.is_none() {
-            self.records = Some(source::open_file(&self.path, Some(time_gps))?);
+            self.records = Some(source::open_file(&self.path, &Reading::default().near(time_gps))?);
         }
         loop {
             match self.ahead.take() {

@@ -7,12 +7,10 @@ mod table;
 mod trial;
 
 use std::path::Path;
-use std::sync::Arc;
 
 use cofix_common::decode::Record;
 use cofix_common::gnss::{EpochFlag, ObservationEpoch};
 use cofix_common::measurement::CorrectionOptions;
-use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use serde::Serialize;
@@ -24,7 +22,7 @@ pub use trial::Trial;
 
 use crate::format::Format;
 use crate::products::{Loaded, OwnNavigation};
-use crate::source::{self, SourceError};
+use crate::source::{self, Reading, SourceError};
 use crate::{ProductSource, Stop};
 
 /// Gaps and jumps listed one by one; the rest is counted.
@@ -80,20 +78,27 @@ pub struct Mask {
     pub count: u64,
 }
 
-/// Inspects a recording, in bounded memory. `near` as in [`source::open_file`]. With orbits, from `products` or of its own, it is
+/// How a recording is inspected.
+#[derive(Clone, Debug, Default)]
+pub struct InspectOptions {
+    /// How it is read.
+    pub reading: Reading,
+    /// Orbits and the rest, if any.
+    pub products: ProductSource,
+    /// Masks and models of corrections, where there are orbits.
+    pub correction: CorrectionOptions,
+}
+
+/// Inspects a recording, in bounded memory. With orbits, from products or of its own, it is
 /// read a second time and processed.
 ///
 /// # Errors
 /// When a file cannot be read or is of no format that is read.
-pub fn inspect(
-    path: &Path,
-    near: Option<GpsTime>,
-    products: &ProductSource,
-    stop: &Stop,
-) -> Result<Inspection, SourceError> {
-    let loaded = Loaded::read(products)?;
-    let near = near.or(loaded.near);
-    let mut records = source::open_file(path, near)?;
+pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Inspection, SourceError> {
+    let loaded = Loaded::read(&options.products)?;
+    let Reading { near, log } = options.reading.clone();
+    let reading = &Reading { near: near.or(loaded.near), log };
+    let mut records = source::open_file(path, reading)?;
     let mut tally = Tally::default();
     let mut navigation = OwnNavigation::default();
     while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
@@ -112,24 +117,24 @@ pub fn inspect(
         ephemerides: (navigation.file.ephemerides.len() + navigation.file.glonass.len()) as u64,
         ionosphere: navigation.file.ionosphere.gps.is_some(),
         skips,
-        ..tally.report(&channels)
+        ..tally.report(&channels, options.correction.minimum_cn0_dbhz)
     };
     if !has_orbits {
         return Ok(inspection);
     }
     navigation.add_to(&mut products);
-    Ok(Inspection { trial: Some(trial(path, near, products, stop)?), ..inspection })
+    let running = trial::Running::new(products, options.correction);
+    Ok(Inspection { trial: Some(trial(path, reading, running, stop)?), ..inspection })
 }
 
 /// Runs the pipeline over a recording.
 fn trial(
     path: &Path,
-    near: Option<GpsTime>,
-    products: Arc<Products>,
+    reading: &Reading,
+    mut running: trial::Running,
     stop: &Stop,
 ) -> Result<Trial, SourceError> {
-    let mut records = source::open_file(path, near)?;
-    let mut running = trial::Running::new(products);
+    let mut records = source::open_file(path, reading)?;
     while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
         if let Record::Epoch(epoch) = record {
             running.epoch(&epoch);
@@ -168,8 +173,7 @@ impl Tally {
         self.clock.epoch(epoch);
     }
 
-    fn report(self, channels: &std::collections::BTreeMap<u8, i8>) -> Inspection {
-        let minimum_cn0_dbhz = CorrectionOptions::default().minimum_cn0_dbhz;
+    fn report(self, channels: &std::collections::BTreeMap<u8, i8>, minimum_cn0_dbhz: f64) -> Inspection {
         let (interval_s, gaps) = self.steps.report();
         Inspection {
             file: String::new(),

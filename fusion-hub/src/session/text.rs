@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use cofix_agent::masks::{LogOptions, Masks};
 use cofix_common::measurement::Ionosphere;
 use serde::Deserialize;
 
@@ -21,6 +22,10 @@ pub(super) struct SessionFile {
     pub filter: FilterTable,
     #[serde(default)]
     pub correction: CorrectionTable,
+    #[serde(default)]
+    pub masks: Masks,
+    #[serde(default)]
+    pub log: LogOptions,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -2,10 +2,9 @@
 
 use cofix_common::decode::Record;
 use cofix_common::gnss::{Observation, ObservationEpoch};
-use cofix_common::orbit::KeplerEphemeris;
 use cofix_common::rinex::{
-    NavigationFile, ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo, navigation_header,
-    navigation_record,
+    IonosphereTerms, NavigationFile, ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo,
+    glonass_record, navigation_header, navigation_record,
 };
 
 use crate::checks;
@@ -100,21 +99,23 @@ fn close(one: Option<f64>, other: Option<f64>) -> bool {
 
 /// Ephemerides written as RINEX: none is lost, and they are the same when written again.
 pub(crate) fn navigation(file: &NavigationFile) {
-    let (text, count) = navigation_text(&file.ephemerides);
+    let (text, count) = navigation_text(file);
     let again = read_navigation(&text);
-    assert_eq!(again.len(), count, "{text}");
+    assert_eq!(again.ephemerides.len() + again.glonass.len(), count, "{text}");
     let (second, _) = navigation_text(&again);
     let twice = read_navigation(&second);
-    assert_eq!(format!("{twice:?}"), format!("{again:?}"), "{text}");
+    let shown = |file: &NavigationFile| format!("{:?} {:?}", file.ephemerides, file.glonass);
+    assert_eq!(shown(&twice), shown(&again), "{text}");
 }
 
-fn navigation_text(ephemerides: &[KeplerEphemeris]) -> (String, usize) {
-    let records: Vec<String> = ephemerides.iter().filter_map(navigation_record).collect();
-    (navigation_header("", None, None) + &records.concat(), records.len())
+fn navigation_text(file: &NavigationFile) -> (String, usize) {
+    let mut records: Vec<String> = file.ephemerides.iter().filter_map(navigation_record).collect();
+    records.extend(file.glonass.iter().filter_map(|ephemeris| glonass_record(ephemeris, None)));
+    (navigation_header("", &IonosphereTerms::default(), None) + &records.concat(), records.len())
 }
 
-fn read_navigation(text: &str) -> Vec<KeplerEphemeris> {
+fn read_navigation(text: &str) -> NavigationFile {
     let file = NavigationFile::parse(text.as_bytes()).unwrap_or_default();
     assert!(file.skips.is_empty(), "{} in\n{text}", file.skips);
-    file.ephemerides
+    file
 }
