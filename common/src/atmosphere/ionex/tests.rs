@@ -31,7 +31,8 @@ fn map(kind: &str, number: u32, epoch: &str, value: &str) -> String {
     text += &labelled(epoch, "EPOCH OF CURRENT MAP");
     for latitude in ["10.0", " 0.0", "-10.0"] {
         text += &labelled(&format!("  {latitude:>6}-180.0 180.0  20.0 450.0"), "LAT/LON1/LON2/DLON/H");
-        text += &format!("{}\n{}\n", format!("{value:>5}").repeat(16), format!("{value:>5}").repeat(3));
+        let value = format!("{value:>5}");
+        text += &[value.repeat(16), value.repeat(3), String::new()].join("\n");
     }
     text + &labelled(&format!("{number:6}"), &format!("END OF {kind} MAP"))
 }
