@@ -107,7 +107,11 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
             phone.name
         )
     })?;
-    Ok(PlannedPhone { name: phone.name.clone(), source: Source::File(observations), truth })
+    let source = match phone.date {
+        Some(near) => Source::DatedFile { path: observations, near },
+        None => Source::File(observations),
+    };
+    Ok(PlannedPhone { name: phone.name.clone(), source, truth })
 }
 
 /// Phones' names and truths.
@@ -310,6 +314,7 @@ mod tests {
             name: name.to_owned(),
             observations: None,
             truth: Some(path.clone()),
+            date: None,
         };
         let (truths, skips) = read_truths_counted(&[phone("a"), phone("b")]).unwrap();
         assert!(truths.iter().all(|(_, truth)| truth.is_some()));

@@ -12,6 +12,7 @@
 //! name = "HP30"                       # unique within the group
 //! observations = "HP30.rnx"           # needed by `replay`, ignored by `run`
 //! truth = "HP30.truth.csv"            # optional: the phone is scored against it
+//! date = "2020-08-13T14:00:00"        # optional, for RTCM 3 without products: an instant within three days of the beginning
 //! [[constraint]]
 //! kind = "distance"                   # every pair of the named phones
 //! phones = ["HP30"]                   # default: all; every constraint has it
@@ -41,6 +42,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub use cofix_agent::ProductFiles;
+use cofix_common::time::GpsTime;
 use cofix_common::wire::check_name;
 
 use crate::engine::ScheduledConstraint;
@@ -72,6 +74,8 @@ pub struct SessionPhone {
     pub observations: Option<PathBuf>,
     /// Its reference trajectory.
     pub truth: Option<PathBuf>,
+    /// An instant within three days of the recording's beginning.
+    pub date: Option<GpsTime>,
 }
 
 /// A session file that cannot be used.
@@ -148,10 +152,14 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
     }
     let at = |path: PathBuf| folder.join(path);
     let all = |paths: Vec<PathBuf>| paths.into_iter().map(at).collect();
-    let phone = |phone: text::PhoneEntry| SessionPhone {
-        name: phone.name,
-        observations: phone.observations.map(at),
-        truth: phone.truth.map(at),
+    let phone = |phone: text::PhoneEntry| {
+        let date = phone.date.as_deref().map(str::parse::<GpsTime>).transpose();
+        Ok(SessionPhone {
+            date: date.map_err(|error| format!("date of phone '{}': {error}", phone.name))?,
+            name: phone.name,
+            observations: phone.observations.map(at),
+            truth: phone.truth.map(at),
+        })
     };
     Ok(Session {
         group: file.group,
@@ -162,7 +170,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
             ionex: all(file.products.ionex),
             navigation: all(file.products.navigation),
         },
-        phones: file.phone.into_iter().map(phone).collect(),
+        phones: file.phone.into_iter().map(phone).collect::<Result<_, String>>()?,
         constraints,
         truth_quality: file.evaluation.truth_quality,
         preset: file.filter.preset,

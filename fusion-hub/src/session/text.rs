@@ -41,6 +41,7 @@ pub(super) struct PhoneEntry {
     pub name: String,
     pub observations: Option<PathBuf>,
     pub truth: Option<PathBuf>,
+    pub date: Option<String>,
 }
 
 /// All keys of all kinds; [`super::rules`] says which belong to which.

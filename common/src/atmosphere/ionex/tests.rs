@@ -109,6 +109,19 @@ fn several_layers_and_other_files_are_refused_by_name() {
 }
 
 #[test]
+fn a_map_of_few_values_is_left_out() {
+    let row = labelled("    10.0-180.0 180.0  20.0 450.0", "LAT/LON1/LON2/DLON/H");
+    let empty = labelled("     3", "START OF TEC MAP")
+        + &labelled("  2020     8    13     4     0     0", "EPOCH OF CURRENT MAP")
+        + &row
+        + "  100  100\n"
+        + &labelled("     3", "END OF TEC MAP");
+    let file = Ionex::parse((file() + &empty).as_bytes()).unwrap();
+    assert_eq!(file.maps.len(), 2);
+    assert!(file.skips.to_string().contains("line 53: 2 of 57"), "{}", file.skips);
+}
+
+#[test]
 fn a_cut_map_is_not_used_and_named() {
     let text = file();
     let at = text.find("START OF RMS").unwrap() - 60 - 81 - 20;
