@@ -283,3 +283,55 @@ fn summary(config: &AgentConfig) -> String {
         Speed::Times(times) => format!("{source}, {times} times real time"),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use cofix_common::orbit::Sp3;
+
+    use super::*;
+    use crate::ProductSource;
+    use crate::pipeline::PipelineOptions;
+
+    const OBSERVATIONS: &str =
+        "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
+R    2 C1C S1C                                              SYS / # / OBS TYPES
+  2 R01  1 R05 -4                                           GLONASS SLOT / FRQ #
+                                                            END OF HEADER
+> 2020 08 13 14 19  2.0000000  0  1
+R05  22100000.000          45.000
+";
+    const ORBITS: &str = "#dP2020  8 13 14  0  0.00000000       1 d+D   IGS14 FIT  TST
+## 2118 396000.00000000   900.00000000 59074 0.5833333333333
+%c M  cc GPS ccc cccc cccc cccc cccc ccccc ccccc ccccc ccccc
+*  2020  8 13 14  0  0.00000000
+PR05  14220.122558 -20433.516601   5539.755371     24.583190
+EOF
+";
+
+    #[test]
+    fn glonass_channels_of_the_header_go_into_the_products() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("phone.rnx");
+        std::fs::write(&path, OBSERVATIONS).unwrap();
+        let products = Products::new(vec![Sp3::parse(ORBITS.as_bytes()).unwrap()], Vec::new());
+        let config = AgentConfig {
+            group: "g".to_owned(),
+            phone: "p".to_owned(),
+            source: Source::File(path),
+            products: ProductSource::Loaded(Arc::new(products)),
+            connect: Vec::new(),
+            speed: Speed::Maximum,
+            pipeline: PipelineOptions::default(),
+            patience: Duration::from_secs(1),
+            kept_messages: 1,
+        };
+        let prepared = Prepared::new(&config, &Stop::default()).unwrap();
+        let channel = |satellite: &str| {
+            let time = "2020-08-13T14:19:02".parse().unwrap();
+            prepared.products.glonass_channel(satellite.parse().unwrap(), time)
+        };
+        assert_eq!((channel("R01"), channel("R05"), channel("R06")), (Some(1), Some(-4), None));
+    }
+}

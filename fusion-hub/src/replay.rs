@@ -135,9 +135,13 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
             phone.name
         )
     })?;
+    let source = match phone.date {
+        Some(near) => Source::DatedFile { path: observations, near },
+        None => Source::File(observations),
+    };
     Ok(PlannedPhone {
         name: phone.name.clone(),
-        source: Source::File(observations),
+        source,
         truth,
         recorded_corrections: phone.recorded_corrections,
     })
@@ -348,6 +352,7 @@ mod tests {
             observations: None,
             truth: Some(path.clone()),
             recorded_corrections: false,
+            date: None,
         };
         let (truths, skips) = read_truths_counted(&[phone("a"), phone("b")]).unwrap();
         assert!(truths.iter().all(|(_, truth)| truth.is_some()));

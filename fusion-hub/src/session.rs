@@ -12,6 +12,7 @@
 //! name = "HP30"                       # unique within the group
 //! observations = "HP30.rnx"           # needed by `replay`, ignored by `run`
 //! truth = "HP30.truth.csv"            # optional: the phone is scored against it; or a challenge's ground_truth.csv
+//! date = "2020-08-13T14:00:00"        # optional, for RTCM 3 without products: an instant within three days of the beginning
 //! recorded_corrections = false        # true: the satellite states and delays of its own recording (challenge tables) in
 //!                                     # place of the products', which need not be named then
 //! [[constraint]]
@@ -58,6 +59,7 @@ use std::path::{Path, PathBuf};
 pub use cofix_agent::ProductFiles;
 use cofix_agent::masks::{LogOptions, Masks};
 use cofix_common::measurement::{CorrectionOptions, Ionosphere};
+use cofix_common::time::GpsTime;
 use cofix_common::wire::check_name;
 
 use crate::engine::ScheduledConstraint;
@@ -97,6 +99,8 @@ pub struct SessionPhone {
     pub truth: Option<PathBuf>,
     /// Whether its recording's own satellite states and delays are taken, where it has them.
     pub recorded_corrections: bool,
+    /// An instant within three days of the recording's beginning.
+    pub date: Option<GpsTime>,
 }
 
 /// A session file that cannot be used.
@@ -175,11 +179,15 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
     file.log.with(&file.masks).map_err(|error| format!("[log]: {error}"))?;
     let at = |path: PathBuf| folder.join(path);
     let all = |paths: Vec<PathBuf>| paths.into_iter().map(at).collect();
-    let phone = |phone: text::PhoneEntry| SessionPhone {
-        name: phone.name,
-        observations: phone.observations.map(at),
-        truth: phone.truth.map(at),
-        recorded_corrections: phone.recorded_corrections,
+    let phone = |phone: text::PhoneEntry| {
+        let date = phone.date.as_deref().map(str::parse::<GpsTime>).transpose();
+        Ok(SessionPhone {
+            date: date.map_err(|error| format!("date of phone '{}': {error}", phone.name))?,
+            name: phone.name,
+            observations: phone.observations.map(at),
+            truth: phone.truth.map(at),
+            recorded_corrections: phone.recorded_corrections,
+        })
     };
     Ok(Session {
         group: file.group,
@@ -190,7 +198,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
             ionex: all(file.products.ionex),
             navigation: all(file.products.navigation),
         },
-        phones: file.phone.into_iter().map(phone).collect(),
+        phones: file.phone.into_iter().map(phone).collect::<Result<_, String>>()?,
         constraints,
         truth_quality: file.evaluation.truth_quality,
         preset: file.filter.preset,

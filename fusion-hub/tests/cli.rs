@@ -61,6 +61,11 @@ fn session_files_that_cannot_be_used_are_refused() {
             "x.sp3: cannot read the SP3 file",
         ),
         (
+            "kind.toml",
+            format!("group = 'g'\n[products]\nclock = ['kind.toml']\n{phone}observations = 'a.rnx'"),
+            "kind.toml: not usable as RINEX clock file: not a RINEX clock file of version",
+        ),
+        (
             "truth.toml",
             format!(
                 "group = 'g'\n[products]\nsp3 = ['x.sp3']\n{phone}observations = 'a.rnx'\ntruth = 'truth.toml'"

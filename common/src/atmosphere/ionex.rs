@@ -15,8 +15,8 @@ use crate::time::{Calendar, GpsTime};
 const MISSING: i64 = 9_999;
 /// Values in a line.
 const VALUES_PER_LINE: usize = 16;
-/// Most nodes of a map that are believed.
-const MAX_NODES: usize = 1_000_000;
+/// Most nodes of a map that are believed: a grid of half a degree.
+const MAX_NODES: usize = 300_000;
 
 /// Why an IONEX file cannot be read at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -201,6 +201,8 @@ struct Reader {
     tec_tecu: Vec<f64>,
     /// Longitudes read of the present parallel.
     in_row: usize,
+    /// Values read of the present map, missing ones too.
+    in_map: usize,
     maps: Vec<IonosphereMap>,
     skips: Skips,
 }
@@ -216,6 +218,7 @@ impl Reader {
             time: None,
             tec_tecu: Vec::new(),
             in_row: 0,
+            in_map: 0,
             maps: Vec::new(),
             skips: Skips::default(),
         }
@@ -253,7 +256,9 @@ impl Reader {
         self.started = number;
         self.time = None;
         self.exponent = self.frame.exponent;
-        self.tec_tecu = vec![f64::NAN; self.frame.nodes()];
+        self.in_map = 0;
+        self.tec_tecu.clear();
+        self.tec_tecu.resize(self.frame.nodes(), f64::NAN);
     }
 
     fn row(&mut self, number: u64, line: &[u8]) {
@@ -290,6 +295,7 @@ impl Reader {
                 *node = value as f64 * scale;
             }
             self.in_row += 1;
+            self.in_map += usize::from(value.is_some());
         }
     }
 
@@ -299,11 +305,18 @@ impl Reader {
             return;
         }
         self.place = Place::Between;
-        let tec_tecu = std::mem::take(&mut self.tec_tecu);
+        if 2 * self.in_map < self.frame.nodes() {
+            let (found, nodes) = (self.in_map, self.frame.nodes());
+            self.skips.add("IONEX map with less than half of its values, left out", || {
+                format!("line {number}: {found} of {nodes}")
+            });
+            return;
+        }
         let Some(time) = self.time.take() else {
             self.skips.add("IONEX map without an epoch that can be read", || format!("line {number}"));
             return;
         };
+        let tec_tecu = std::mem::take(&mut self.tec_tecu);
         let Frame { shell, latitudes, longitudes, .. } = self.frame;
         self.maps.push(IonosphereMap::new(time, shell, (latitudes, longitudes), tec_tecu));
     }

@@ -122,13 +122,13 @@ impl Reader {
             Some(b'+') if line.starts_with(b"+BIAS/SOLUTION") => self.block = Block::Solution,
             Some(b'%') if line.starts_with(b"%=ENDBIA") => self.block = Block::Ended,
             Some(b'+' | b'-') => self.block = Block::Other,
-            Some(b' ') => match self.block {
+            Some(b'*') | None => {}
+            // Some write descriptions from the first column on.
+            Some(_) => match self.block {
                 Block::Description => self.time_system(line)?,
                 Block::Solution => self.solution(number, line),
                 Block::Other | Block::Ended => {}
             },
-            // Comments and empty lines.
-            _ => {}
         }
         Ok(())
     }
@@ -230,8 +230,8 @@ mod tests {
 %=BIA 1.00 TST 2020:227:30548 IGS 2020:226:00000 2020:227:00000 A 00000006
 *-------------------------------------------------------------------------------
 +BIAS/DESCRIPTION
- BIAS_MODE                               ABSOLUTE
- TIME_SYSTEM                             G
+BIAS_MODE                               ABSOLUTE
+TIME_SYSTEM                             G
 -BIAS/DESCRIPTION
 +BIAS/SOLUTION
 *BIAS SVN_ PRN STATION__ OBS1 OBS2 BIAS_START____ BIAS_END______ UNIT __ESTIMATED_VALUE____ _STD_DEV___
@@ -281,7 +281,7 @@ mod tests {
         assert!(matches!(parse("%=BIA 2.00 COD"), Err(BiasFileError::NotBias { .. })));
         assert!(matches!(parse(""), Err(BiasFileError::NotBias { .. })));
         let differential: String =
-            FILE.lines().filter(|line| !line.starts_with(" OSB")).map(|line| format!("{line}\n")).collect();
+            FILE.split_inclusive('\n').filter(|line| !line.starts_with(" OSB")).collect();
         let error = parse(&differential).unwrap_err();
         assert_eq!(error, BiasFileError::Empty { lines: 11, differential: 1 });
     }

@@ -126,7 +126,7 @@ mod tests {
         GpsTime::from_week_tow(2_118, 0.0)
     }
 
-    fn bias(satellite: &str, code: &[u8; 2], bias_ns: f64) -> CodeBias {
+    fn bias(satellite: &str, code: [u8; 2], bias_ns: f64) -> CodeBias {
         let signal = SignalCode::new(code[0], code[1]);
         let end = Some(start() + 86_400.0);
         CodeBias {
@@ -144,7 +144,7 @@ mod tests {
         biases
     }
 
-    fn correction_ns(biases: &Biases, satellite: &str, code: &[u8; 2], after_s: f64) -> Option<f64> {
+    fn correction_ns(biases: &Biases, satellite: &str, code: [u8; 2], after_s: f64) -> Option<f64> {
         let signal = SignalCode::new(code[0], code[1]);
         let metres = biases.correction_m(satellite.parse().unwrap(), signal, start() + after_s)?;
         Some((metres / SPEED_OF_LIGHT_MPS * 1e12).round() / 1e3)
@@ -153,43 +153,43 @@ mod tests {
     #[test]
     fn a_signal_has_its_own_bias_or_that_of_its_nearest_relative() {
         let known = biases(&[
-            bias("G01", b"1C", 2.0),
-            bias("G01", b"1W", 3.0),
-            bias("G02", b"1W", 4.0),
-            bias("E01", b"5Q", 5.0),
+            bias("G01", *b"1C", 2.0),
+            bias("G01", *b"1W", 3.0),
+            bias("G02", *b"1W", 4.0),
+            bias("E01", *b"5Q", 5.0),
         ]);
-        assert_eq!(correction_ns(&known, "G01", b"1C", 0.0), Some(-2.0));
-        assert_eq!(correction_ns(&known, "G01", b"1W", 0.0), Some(-3.0));
-        assert_eq!(correction_ns(&known, "G02", b"1C", 0.0), Some(-4.0));
-        assert_eq!(correction_ns(&known, "E01", b"5X", 0.0), Some(-5.0));
-        assert_eq!(correction_ns(&known, "E01", b"1X", 0.0), None);
-        assert_eq!(correction_ns(&known, "G03", b"1C", 0.0), None);
+        assert_eq!(correction_ns(&known, "G01", *b"1C", 0.0), Some(-2.0));
+        assert_eq!(correction_ns(&known, "G01", *b"1W", 0.0), Some(-3.0));
+        assert_eq!(correction_ns(&known, "G02", *b"1C", 0.0), Some(-4.0));
+        assert_eq!(correction_ns(&known, "E01", *b"5X", 0.0), Some(-5.0));
+        assert_eq!(correction_ns(&known, "E01", *b"1X", 0.0), None);
+        assert_eq!(correction_ns(&known, "G03", *b"1C", 0.0), None);
         assert!(!known.cover(Constellation::Galileo, SignalCode::new(b'1', b'C'), start()));
         assert!(known.cover(Constellation::Galileo, SignalCode::new(b'5', b'I'), start()));
     }
 
     #[test]
     fn biases_hold_in_their_window_and_the_first_named_file_counts() {
-        let mut known = biases(&[bias("G01", b"1C", 2.0)]);
-        known.add(BiasFile { biases: vec![bias("G01", b"1C", 9.0)], skips: Skips::default() });
-        let tomorrow = CodeBias { start: start() + 86_400.0, end: None, ..bias("G01", b"1C", 3.0) };
+        let mut known = biases(&[bias("G01", *b"1C", 2.0)]);
+        known.add(BiasFile { biases: vec![bias("G01", *b"1C", 9.0)], skips: Skips::default() });
+        let tomorrow = CodeBias { start: start() + 86_400.0, end: None, ..bias("G01", *b"1C", 3.0) };
         known.add(BiasFile { biases: vec![tomorrow], skips: Skips::default() });
-        assert_eq!(correction_ns(&known, "G01", b"1C", -0.1), None);
-        assert_eq!(correction_ns(&known, "G01", b"1C", 86_399.9), Some(-2.0));
-        assert_eq!(correction_ns(&known, "G01", b"1C", 86_400.0), Some(-3.0));
-        assert_eq!(correction_ns(&known, "G01", b"1C", 1e7), Some(-3.0));
-        let one = biases(&[bias("G01", b"1C", 2.0)]);
-        assert_eq!(correction_ns(&one, "G01", b"1C", 86_401.1), None);
+        assert_eq!(correction_ns(&known, "G01", *b"1C", -0.1), None);
+        assert_eq!(correction_ns(&known, "G01", *b"1C", 86_399.9), Some(-2.0));
+        assert_eq!(correction_ns(&known, "G01", *b"1C", 86_400.0), Some(-3.0));
+        assert_eq!(correction_ns(&known, "G01", *b"1C", 1e7), Some(-3.0));
+        let one = biases(&[bias("G01", *b"1C", 2.0)]);
+        assert_eq!(correction_ns(&one, "G01", *b"1C", 86_401.1), None);
         assert!(!one.cover(Constellation::Gps, SignalCode::new(b'1', b'C'), start() + 86_402.0));
     }
 
     #[test]
     fn the_constant_is_the_median_of_satellites_that_have_both() {
         let known = biases(&[
-            bias("G01", b"1C", 1.0),
-            bias("G02", b"1C", 2.0),
-            bias("G03", b"1C", 3.0),
-            bias("G04", b"1C", 4.0),
+            bias("G01", *b"1C", 1.0),
+            bias("G02", *b"1C", 2.0),
+            bias("G03", *b"1C", 3.0),
+            bias("G04", *b"1C", 4.0),
         ]);
         let signal = SignalCode::new(b'1', b'C');
         // Rules that differ by 10 m, and one that is far off.

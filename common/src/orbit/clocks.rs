@@ -25,18 +25,17 @@ pub(super) struct ClockState {
 /// The clocks of all satellites.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clocks {
-    satellites: BTreeMap<SatelliteId, Vec<Run>>,
+    /// Of each satellite in order of time.
+    satellites: BTreeMap<SatelliteId, Vec<Node>>,
     span: Option<(GpsTime, GpsTime)>,
 }
-
-/// Records between any two neighbours of which it is interpolated.
-#[derive(Clone, Debug, Default)]
-struct Run(Vec<Node>);
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
     time: GpsTime,
     offset_s: f64,
+    /// How long before this node the one before it may be, s.
+    max_gap_s: f64,
 }
 
 impl Clocks {
@@ -44,31 +43,31 @@ impl Clocks {
     pub(super) fn add(&mut self, mut files: Vec<ClockFile>) {
         files.sort_by_key(|file| file.records.first().map(|record| record.time));
         for file in files {
-            let limit_s = (MAX_GAP_INTERVALS * file.interval_s).min(MAX_GAP_S);
-            for record in &file.records {
-                self.push(record, limit_s);
+            let max_gap_s = (MAX_GAP_INTERVALS * file.interval_s).min(MAX_GAP_S);
+            for ClockRecord { satellite, time, clock_s } in file.records {
+                let (first, last) = self.span.unwrap_or((time, time));
+                self.span = Some((first.min(time), last.max(time)));
+                let nodes = self.satellites.entry(satellite).or_default();
+                if nodes.last().is_none_or(|last| last.time < time) {
+                    nodes.push(Node { time, offset_s: clock_s, max_gap_s });
+                }
             }
-        }
-    }
-
-    fn push(&mut self, record: &ClockRecord, limit_s: f64) {
-        let (first, last) = self.span.unwrap_or((record.time, record.time));
-        self.span = Some((first.min(record.time), last.max(record.time)));
-        let runs = self.satellites.entry(record.satellite).or_default();
-        if runs.iter().any(|run| run.covers(record.time)) {
-            return;
-        }
-        let node = Node { time: record.time, offset_s: record.clock_s };
-        match runs.iter_mut().rev().find(|run| run.continues(record.time, limit_s)) {
-            Some(run) => run.0.push(node),
-            None => runs.push(Run(vec![node])),
         }
     }
 
     /// The clock of a satellite, linear between neighbouring records; `None` outside the records and in gaps of more than three
     /// intervals or 15 minutes.
     pub(super) fn state(&self, satellite: SatelliteId, time: GpsTime) -> Option<ClockState> {
-        self.satellites.get(&satellite)?.iter().find_map(|run| run.state(time))
+        let nodes = self.satellites.get(&satellite)?;
+        let right = nodes.partition_point(|node| node.time < time);
+        let at = |index: usize| between(nodes.get(index.checked_sub(1)?)?, nodes.get(index)?);
+        let (node, drift_sps) = match nodes.get(right)? {
+            // On a record, the interval after it serves where there is none before it.
+            node if node.time == time => (node, at(right).or_else(|| at(right + 1))?),
+            node => (node, at(right)?),
+        };
+        let offset_s = node.offset_s + drift_sps * (time - node.time);
+        Some(ClockState { offset_s, drift_sps })
     }
 
     /// First and last record of any satellite.
@@ -77,29 +76,10 @@ impl Clocks {
     }
 }
 
-impl Run {
-    fn last(&self) -> Option<GpsTime> {
-        self.0.last().map(|node| node.time)
-    }
-
-    fn covers(&self, time: GpsTime) -> bool {
-        self.0.first().is_some_and(|node| node.time <= time) && self.last().is_some_and(|last| time <= last)
-    }
-
-    fn continues(&self, time: GpsTime, limit_s: f64) -> bool {
-        self.last().is_some_and(|last| last < time && time - last <= limit_s + TOLERANCE_S)
-    }
-
-    fn state(&self, time: GpsTime) -> Option<ClockState> {
-        if !self.covers(time) {
-            return None;
-        }
-        // The node at or after `time`, but never the first: at its own time the second one serves.
-        let right = self.0.partition_point(|node| node.time < time).max(1);
-        let (a, b) = (self.0.get(right - 1)?, self.0.get(right)?);
-        let drift_sps = (b.offset_s - a.offset_s) / (b.time - a.time);
-        Some(ClockState { offset_s: a.offset_s + drift_sps * (time - a.time), drift_sps })
-    }
+/// The drift between neighbours, s/s; `None` when they are too far apart.
+fn between(a: &Node, b: &Node) -> Option<f64> {
+    let gap_s = b.time - a.time;
+    (gap_s <= b.max_gap_s + TOLERANCE_S).then(|| (b.offset_s - a.offset_s) / gap_s)
 }
 
 #[cfg(test)]

@@ -18,7 +18,8 @@ observations = "HP30.rnx"
 truth = "HP30.truth.csv"
 [[phone]]
 name = "HP20"
-observations = "HP20.rnx"
+observations = "HP20.rtcm3"
+date = "2020-08-13T14:00:00"
 [[phone]]
 name = "VX30"
 [[constraint]]
@@ -60,6 +61,10 @@ fn the_documented_file_is_read() {
     assert_eq!(session.products.navigation, [PathBuf::from("/data/brdc.rnx.gz")]);
     assert_eq!(session.phones[0].observations, Some(PathBuf::from("drives/monday/HP30.rnx")));
     assert_eq!(session.phones[1].truth, None);
+    assert_eq!(
+        (session.phones[0].date, session.phones[1].date),
+        (None, Some("2020-08-13T14:00:00".parse().unwrap()))
+    );
     assert_eq!(session.truth_quality, [1, 2]);
     assert_eq!(session.preset, Preset::Default);
 }
@@ -164,6 +169,10 @@ fn nonsense_is_refused_with_a_reason() {
             rule(
                 "kind='distance'\nmaximum_m=2\nfrom_gps='2020-08-13T15:00:00'\nto_gps='2020-08-13T14:00:00'",
             ),
+        ),
+        (
+            "date of phone 'a': 'noon' is not a GPS time",
+            "group='g'\n[[phone]]\nname='a'\ndate='noon'".to_owned(),
         ),
         ("truth_quality is empty", format!("{group}[evaluation]\ntruth_quality = []")),
         ("invalid type", "group = 3".to_owned()),

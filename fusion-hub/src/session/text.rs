@@ -51,6 +51,7 @@ pub(super) struct PhoneEntry {
     pub truth: Option<PathBuf>,
     #[serde(default)]
     pub recorded_corrections: bool,
+    pub date: Option<String>,
 }
 
 /// All keys of all kinds; [`super::rules`] says which belong to which.

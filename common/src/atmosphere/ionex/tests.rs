@@ -31,7 +31,8 @@ fn map(kind: &str, number: u32, epoch: &str, value: &str) -> String {
     text += &labelled(epoch, "EPOCH OF CURRENT MAP");
     for latitude in ["10.0", " 0.0", "-10.0"] {
         text += &labelled(&format!("  {latitude:>6}-180.0 180.0  20.0 450.0"), "LAT/LON1/LON2/DLON/H");
-        text += &format!("{}\n{}\n", format!("{value:>5}").repeat(16), format!("{value:>5}").repeat(3));
+        let value = format!("{value:>5}");
+        text += &[value.repeat(16), value.repeat(3), String::new()].join("\n");
     }
     text + &labelled(&format!("{number:6}"), &format!("END OF {kind} MAP"))
 }
@@ -105,6 +106,19 @@ fn several_layers_and_other_files_are_refused_by_name() {
     assert_eq!(Ionex::parse(no_grid.as_bytes()), Err(IonexError::Header { label: "LAT1 / LAT2 / DLAT" }));
     let version = file().replacen("1.0", "2.0", 1);
     assert!(matches!(Ionex::parse(version.as_bytes()), Err(IonexError::NotIonex { .. })));
+}
+
+#[test]
+fn a_map_of_few_values_is_left_out() {
+    let row = labelled("    10.0-180.0 180.0  20.0 450.0", "LAT/LON1/LON2/DLON/H");
+    let empty = labelled("     3", "START OF TEC MAP")
+        + &labelled("  2020     8    13     4     0     0", "EPOCH OF CURRENT MAP")
+        + &row
+        + "  100  100\n"
+        + &labelled("     3", "END OF TEC MAP");
+    let file = Ionex::parse((file() + &empty).as_bytes()).unwrap();
+    assert_eq!(file.maps.len(), 2);
+    assert!(file.skips.to_string().contains("line 53: 2 of 57"), "{}", file.skips);
 }
 
 #[test]
