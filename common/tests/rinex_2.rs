@@ -4,6 +4,8 @@
 
 use std::path::PathBuf;
 
+use std::fmt::Write as _;
+
 use cofix_common::gnss::{Constellation, EpochFlag, Observation, ObservationEpoch};
 use cofix_common::rinex::{NavigationFile, ObservationFile};
 use cofix_common::time::GpsTime;
@@ -205,8 +207,8 @@ fn as_2(record: &str, lettered: bool) -> String {
         let (id, number) = if lettered { (&line[..3], 0) } else { (&line[1..3], 1) };
         match index {
             // A year of two digits, and the second with its tenth.
-            0 => text += &format!("{id} {}{}.0{}\n", &line[6..20], &line[20..23], &line[23..]),
-            _ => text += &format!("{}\n", &line[number..]),
+            0 => writeln!(text, "{id} {}{}.0{}", &line[6..20], &line[20..23], &line[23..]).unwrap(),
+            _ => writeln!(text, "{}", &line[number..]).unwrap(),
         }
     }
     text

@@ -274,7 +274,8 @@ fn other_files_are_refused_with_what_was_found() {
 #[test]
 fn scale_factors_and_old_beidou_codes_are_understood() {
     // D8X is none of the file's types.
-    let extra = header("G   10   2 D8X D1C", "SYS / SCALE FACTOR") + &header("C    1 C1I", "SYS / # / OBS TYPES");
+    let extra =
+        header("G   10   2 D8X D1C", "SYS / SCALE FACTOR") + &header("C    1 C1I", "SYS / # / OBS TYPES");
     let body = format!("{EPOCH_2}G10  21111612.436                      -25205.060\n");
     let file = ObservationFile::parse(small_file("3.02", "GPS", &extra, &body).as_bytes()).unwrap();
     assert_eq!(find(&file.epochs[0], "G10", "1C").doppler_hz, Some(-2_520.506));

@@ -4,10 +4,10 @@
 
 use std::path::PathBuf;
 
+use cofix_common::frames::{Ecef, EcefVector};
 use cofix_common::gnss::{
     Constellation, EpochFlag, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
-use cofix_common::frames::{Ecef, EcefVector};
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris};
 use cofix_common::rinex::{
     IonosphereTerms, NavigationFile, ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo,
@@ -89,7 +89,8 @@ fn comparable(ephemeris: &KeplerEphemeris) -> (KeplerEphemeris, bool, bool) {
 
 fn by_time(ephemerides: &[GlonassEphemeris]) -> Vec<GlonassEphemeris> {
     let mut sorted = ephemerides.to_vec();
-    let key = |e: &GlonassEphemeris| (e.toe, e.satellite, e.health, e.tau_s.to_bits(), e.position.0.x.to_bits());
+    let key =
+        |e: &GlonassEphemeris| (e.toe, e.satellite, e.health, e.tau_s.to_bits(), e.position.0.x.to_bits());
     sorted.sort_by_key(key);
     sorted
 }

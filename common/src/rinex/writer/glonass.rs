@@ -49,5 +49,7 @@ pub fn glonass_record(ephemeris: &GlonassEphemeris, leap_seconds: Option<i64>) -
 /// The factor whose accuracy is nearest.
 fn accuracy_factor(wanted_m: f64) -> u8 {
     let distance = |factor: &u8| (accuracy_m(Some(*factor)) - wanted_m).abs();
-    (0..=LAST_ACCURACY_FACTOR).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(LAST_ACCURACY_FACTOR)
+    (0..=LAST_ACCURACY_FACTOR)
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .unwrap_or(LAST_ACCURACY_FACTOR)
 }

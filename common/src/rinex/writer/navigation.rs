@@ -15,11 +15,7 @@ const FNAV_SOURCES: f64 = 258.0;
 const UNKNOWN_TRANSMISSION: f64 = 0.9999e9;
 
 /// The header of a navigation file, with END OF HEADER. `created` as in [`super::RecordingInfo::created`].
-pub fn navigation_header(
-    created: &str,
-    ionosphere: &IonosphereTerms,
-    leap_seconds: Option<i64>,
-) -> String {
+pub fn navigation_header(created: &str, ionosphere: &IonosphereTerms, leap_seconds: Option<i64>) -> String {
     let version = format!("{:>9}{:11}{:<20}{:<20}", "3.05", "", "N: GNSS NAV DATA", "M: MIXED");
     let mut text = labelled(&version, "RINEX VERSION / TYPE");
     text += &program_line(created);
