@@ -484,6 +484,80 @@ fn columns_by_name_in_any_order_and_number() {
     assert_eq!(decoded.skips.count("header line without a needed column"), 1);
 }
 
+/// The columns of a version: what comes first, what comes after the constellation type, and how its header begins.
+const VERSIONS: [(&str, &str, &str, &str); 5] = [
+    ("2016, 1.4", "# ", "ElapsedRealtimeMillis", ""),
+    ("2019, 2.0", "# ", "ElapsedRealtimeMillis", "AgcDb,CarrierFrequencyHz"),
+    ("other loggers of 2019", "#   ", "ElapsedRealtimeMillis", "AgcDb,CarrierFrequencyHz"),
+    (
+        "2021, 3.0",
+        "# ",
+        "utcTimeMillis",
+        "AgcDb,BasebandCn0DbHz,FullInterSignalBiasNanos,FullInterSignalBiasUncertaintyNanos,\
+         SatelliteInterSignalBiasNanos,SatelliteInterSignalBiasUncertaintyNanos,CodeType,\
+         ChipsetElapsedRealtimeNanos",
+    ),
+    (
+        "2023, 3.1",
+        "# ",
+        "utcTimeMillis",
+        "AgcDb,BasebandCn0DbHz,FullInterSignalBiasNanos,FullInterSignalBiasUncertaintyNanos,\
+         SatelliteInterSignalBiasNanos,SatelliteInterSignalBiasUncertaintyNanos,CodeType,\
+         ChipsetElapsedRealtimeNanos,IsFullTracking,SvPositionEcefXMeters,SvPositionEcefYMeters,\
+         SvPositionEcefZMeters,SvVelocityEcefXMetersPerSecond,SvVelocityEcefYMetersPerSecond,\
+         SvVelocityEcefZMetersPerSecond,SvClockBiasMeters,SvClockDriftMetersPerSecond,KlobucharAlpha0,\
+         KlobucharAlpha1,KlobucharAlpha2,KlobucharAlpha3,KlobucharBeta0,KlobucharBeta1,KlobucharBeta2,\
+         KlobucharBeta3",
+    ),
+];
+
+/// The log as a version of the app would have written it.
+fn log_of_version((_, begin, first, last): (&str, &str, &str, &str), lines: &[Line]) -> String {
+    let names: Vec<&str> = HEADER.trim_start_matches("# ").split(',').collect();
+    let common = names.iter().position(|name| *name == "ConstellationType").unwrap();
+    let extra: Vec<&str> = last.split(',').filter(|name| !name.is_empty()).collect();
+    let middle = names[2..=common].join(",");
+    let header =
+        format!("{begin}Raw,{first},{middle}{}", extra.iter().map(|n| format!(",{n}")).collect::<String>());
+    let mut text = format!("# \n# Header Description:\n# \n# Version: v0 Platform: 9\n# \n{header}\n# \n");
+    text += "# Nav,Svid,Type,Status,MessageId,Sub-messageId,Data(Bytes)\n# \n";
+    for line in lines {
+        let plain = line.text();
+        let values: Vec<&str> = plain.split(',').collect();
+        let value = |name: &&str| match *name {
+            "AgcDb" => "-0.5".to_owned(),
+            name => {
+                names.iter().position(|n| *n == name).map_or("7.25".to_owned(), |at| values[at].to_owned())
+            }
+        };
+        let rest: String = extra.iter().map(|name| ",".to_owned() + &value(name)).collect();
+        text += &(values[..=common].join(",") + &rest + "\n");
+    }
+    text
+}
+
+#[test]
+fn every_version_of_the_app_is_read_alike() {
+    let lines = two_epochs();
+    let good = decode(&log(&lines)).epochs;
+    assert_eq!(good.len(), 2);
+    for version in VERSIONS {
+        let text = log_of_version(version, &lines);
+        let decoded = decode(&text);
+        assert_eq!(decoded.epochs, good, "{}: {text}", version.0);
+        assert!(decoded.skips.is_empty(), "{}: {}", version.0, decoded.skips);
+        // Windows line ends, and gain and status lines of later versions between.
+        let other = text.replace('\n', "\r\n").replacen(
+            "\r\nRaw,",
+            "\r\nAgc,1,2,3,,,4,0.0,5,,,6,19.7,1176450000,1\r\nStatus,,18,0,1,1,,12.8\r\nRaw,",
+            1,
+        );
+        let decoded = decode(&other);
+        assert_eq!(decoded.epochs, good, "{}", version.0);
+        assert_eq!(decoded.skips.total(), 2, "{}: {}", version.0, decoded.skips);
+    }
+}
+
 /// Lines that agree with each other and not with the header are believed from the second on.
 #[test]
 fn a_header_that_is_one_column_short() {

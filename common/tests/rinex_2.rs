@@ -4,6 +4,8 @@
 
 use std::path::PathBuf;
 
+use std::fmt::Write as _;
+
 use cofix_common::gnss::{Constellation, EpochFlag, Observation, ObservationEpoch};
 use cofix_common::rinex::{NavigationFile, ObservationFile};
 use cofix_common::time::GpsTime;
@@ -200,15 +202,16 @@ const GPS: &str = "     2.10           N: GPS NAV DATA                         R
 
 /// A Galileo or QZSS record of RINEX 3 in the form of RINEX 2.12, with the system's letter or without.
 fn as_2(record: &str, lettered: bool) -> String {
-    let written = |(index, line): (usize, &str)| {
+    let mut text = String::new();
+    for (index, line) in record.lines().enumerate() {
         let (id, number) = if lettered { (&line[..3], 0) } else { (&line[1..3], 1) };
         match index {
             // A year of two digits, and the second with its tenth.
-            0 => format!("{id} {}{}.0{}\n", &line[6..20], &line[20..23], &line[23..]),
-            _ => format!("{}\n", &line[number..]),
+            0 => writeln!(text, "{id} {}{}.0{}", &line[6..20], &line[20..23], &line[23..]).unwrap(),
+            _ => writeln!(text, "{}", &line[number..]).unwrap(),
         }
-    };
-    record.lines().enumerate().map(written).collect()
+    }
+    text
 }
 
 #[test]

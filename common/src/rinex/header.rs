@@ -144,7 +144,7 @@ impl HeaderBuilder {
             b"TIME OF FIRST OBS" => {
                 self.first_observation_own = calendar_of_header(line);
                 // Some writers are a column off.
-                self.header.time_system = text(columns(line, 43, 60));
+                self.header.time_system = text(columns(line, 46, 60));
                 self.first_observation_own.ok_or(FIRST_LABEL)?;
             }
             b"# / TYPES OF OBSERV" => self.observation_types_2(line).ok_or(TYPES_2_LABEL)?,
