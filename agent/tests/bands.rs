@@ -130,9 +130,9 @@ fn a_table_of_bands() {
                 println!("| {session} | {phone} | {name} | {signals:.1} | {wls_cell} | {local_cell} |");
                 local_p50_m.push(local.map_or(f64::INFINITY, |a| a.horizontal_p50_m));
             }
-            // Both bands are never much worse than one, and pairs with the rest give positions too.
-            assert!(local_p50_m[2] < 1.2 * local_p50_m[0].min(local_p50_m[1]), "{local_p50_m:?}");
-            assert!(local_p50_m[3] < 4.0, "{local_p50_m:?}");
+            // Both bands are not worse than one of them, and pairs with the rest not far from it.
+            assert!(local_p50_m[2] < 1.1 * local_p50_m[0].max(local_p50_m[1]), "{local_p50_m:?}");
+            assert!(local_p50_m[3] < 3.0, "{local_p50_m:?}");
         }
     }
 }
