@@ -20,6 +20,12 @@ R01 2020 08 13 14 15 00-2.458319067955E-05 0.000000000000E+00 3.960000000000E+05
      5.539755371094E+03 3.461606979370E+00 0.000000000000E+00 0.000000000000E+00
 ";
 
+/// A challenge's table with one satellite.
+const TABLE: &str = "millisSinceGpsEpoch,constellationType,svid,signalType,receivedSvTimeInGpsNanos,xSatPosM,ySatPosM,zSatPosM,\
+    xSatVelMps,ySatVelMps,zSatVelMps,satClkBiasM,satClkDriftMps,rawPrM,rawPrUncM,isrbM,ionoDelayM,tropoDelayM
+1273529463442,1,5,GPS_L1,1273529463365539137,-2179862.557,-26154875.769,-3437694.371,325,-419,3129,-3793,0,23052313.867,4,0,7,5
+";
+
 fn agent(folder: &Path, observations: &str, products: &[&str]) -> assert_cmd::assert::Assert {
     Command::new(env!("CARGO_BIN_EXE_cofix-agent"))
         .current_dir(folder)
@@ -61,6 +67,7 @@ fn folder() -> tempfile::TempDir {
     std::fs::write(folder.path().join("header.rnx"), header).unwrap();
     std::fs::write(folder.path().join("noise.bin"), [0x1f, 0x8b, 8, 0, 1, 2, 3]).unwrap();
     std::fs::write(folder.path().join("noise.txt"), "lorem ipsum").unwrap();
+    std::fs::write(folder.path().join("table.csv"), TABLE).unwrap();
     folder
 }
 
@@ -108,6 +115,18 @@ fn unusable_products_are_named() {
     }
 }
 
+/// The tables of challenges bring their own satellites, if that is wished for.
+#[test]
+fn recorded_corrections_stand_in_for_products() {
+    let folder = folder();
+    let text = failure(folder.path(), "table.csv", &[]);
+    assert!(text.contains("no orbits") && text.contains("--recorded-corrections"), "{text}");
+    let text = failure(folder.path(), "good.rnx", &["--recorded-corrections"]);
+    assert!(text.contains("no orbits"), "{text}");
+    let text = failure(folder.path(), "table.csv", &["--recorded-corrections", "--ionosphere", "pair"]);
+    assert!(text.contains("no hub answers"), "{text}");
+}
+
 #[test]
 fn a_hub_that_does_not_answer_is_named() {
     let folder = folder();
@@ -121,6 +140,9 @@ fn wrong_arguments_are_refused() {
     let assert = agent(folder.path(), "good.rnx", &["--speed", "fast"]).code(2);
     let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
     assert!(text.contains("speed"), "{text}");
+    let assert = agent(folder.path(), "good.rnx", &["--ionosphere", "none"]).code(2);
+    let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+    assert!(text.contains("'pair-only'"), "{text}");
 }
 
 /// Runs the agent on arguments of its own.

@@ -9,7 +9,7 @@ use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use cofix_common::decode::{Decoder, Record};
 use cofix_common::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch, DerivedFile, ground_truth, is_ground_truth};
-use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};
+use cofix_common::measurement::{CorrectionOptions, Corrector, Ionosphere, without_position};
 use cofix_common::orbit::Products;
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
@@ -125,7 +125,12 @@ fn table_2021(epochs: i64) -> String {
 }
 
 fn solve(epoch: &DerivedEpoch) -> Ecef {
-    let mut corrector = Corrector::new(Arc::new(Products::default()), CorrectionOptions::default());
+    solve_with(epoch, Ionosphere::Model)
+}
+
+fn solve_with(epoch: &DerivedEpoch, ionosphere: Ionosphere) -> Ecef {
+    let options = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
+    let mut corrector = Corrector::new(Arc::new(Products::default()), options);
     let prepared = epoch.prepare(&mut corrector);
     let rough = solve_position(&without_position(&prepared), Ecef::new(0.0, 0.0, 0.0)).unwrap().position();
     let (corrected, _) = corrector.finish(&prepared, rough, epoch.time_gps);
@@ -193,6 +198,29 @@ fn a_table_since_2022_gives_position_rates_and_phases() {
     assert_eq!(corrected.len(), 6, "only those with corrections");
     assert_eq!(corrector.skips().count("no satellite state"), 1, "and no products for the other");
     assert!((corrected[0].range_rate.unwrap().range_rate_mps - 50.001).abs() < 1e-9);
+}
+
+/// Ionosphere-free pairs of a table's signals have no use for its ionosphere, right or wrong.
+#[test]
+fn pairs_of_a_table_do_not_need_its_ionosphere() {
+    let ratio = (1_575.42_f64 / 1_176.45).powi(2);
+    let mut table = HEADER_2022.to_owned();
+    for (sat, wrong_m) in sky().iter().zip([0.0, 9.0, 3.0, 7.0, 1.0, 20.0]) {
+        let first = Sat { pseudorange_m: sat.pseudorange_m + wrong_m, ..*sat };
+        let second =
+            Sat { pseudorange_m: sat.pseudorange_m + (ratio - 1.0) * IONOSPHERE_M + ratio * wrong_m, ..*sat };
+        table += &row_2022(START_MS, &first, 1, true);
+        table += &row_2022(START_MS, &second, 1, true)
+            .replace("GPS_L1_CA", "GPS_L5_Q")
+            .replace("1575420030.0,C", "1176450000.0,Q");
+    }
+    let file = DerivedFile::parse(table.as_bytes()).unwrap();
+    assert!(file.skips.is_empty(), "{}", file.skips);
+    assert!(solve_with(&file.epochs[0], Ionosphere::Model).distance_m(site()) > 1.0);
+    for ionosphere in [Ionosphere::Pair, Ionosphere::PairOnly] {
+        let error_m = solve_with(&file.epochs[0], ionosphere).distance_m(site());
+        assert!(error_m < 0.01, "{ionosphere:?}: {error_m} m");
+    }
 }
 
 #[test]

@@ -35,6 +35,18 @@ fn a_good_message_passes_unchanged() {
 }
 
 #[test]
+fn ionosphere_free_pairs_pass_and_other_letters_do_not() {
+    let mut pair = message(4);
+    pair.observations[1].signal =
+        SignalCode::pair(SignalCode::new(b'1', b'C'), SignalCode::new(b'5', b'Q')).unwrap();
+    assert_eq!(pair.validate(), Ok(()));
+    for band in [b'0', b'S', b'a', 0, 255] {
+        pair.observations[1].signal.band = band;
+        assert!(pair.validate().unwrap_err().to_string().contains("signal band"), "{band}");
+    }
+}
+
+#[test]
 fn a_bad_observation_goes_and_the_good_ones_stay() {
     for (quantity, spoil) in SPOILS {
         let mut bad = message(4);
