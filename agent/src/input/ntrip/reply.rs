@@ -156,6 +156,6 @@ mod tests {
             assert_eq!(read(text, false), None, "{}", String::from_utf8_lossy(text));
             assert!(matches!(read(text, true), Some((Reply::Other(_), _))));
         }
-        assert!(matches!(read(&[b'x'; 20_000], false), Some((Reply::Other(_), _))));
+        assert!(matches!(read(&vec![b'x'; 20_000], false), Some((Reply::Other(_), _))));
     }
 }
