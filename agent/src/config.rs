@@ -46,6 +46,23 @@ impl AgentConfig {
     pub const PATIENCE: Duration = Duration::from_secs(10);
     /// An hour at 1 Hz; about 30 MB.
     pub const KEPT_MESSAGES: usize = 3_600;
+
+    /// An agent as fast as it goes, with no products and no hub yet, and everything else by default.
+    pub fn new(group: &str, phone: &str, source: Source) -> Self {
+        Self {
+            group: group.to_owned(),
+            phone: phone.to_owned(),
+            source,
+            products: ProductSource::default(),
+            corrections: Corrections::default(),
+            connect: Vec::new(),
+            speed: Speed::Maximum,
+            log: gnsslogger::Options::default(),
+            pipeline: PipelineOptions::default(),
+            patience: Self::PATIENCE,
+            kept_messages: Self::KEPT_MESSAGES,
+        }
+    }
 }
 
 /// Where observations come from.

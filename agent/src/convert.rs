@@ -122,8 +122,8 @@ impl Contents {
         navigation.take_terms(decoder);
         self.info.leap_seconds = self.info.leap_seconds.or(navigation.file.leap_seconds);
         self.info.glonass_channels.extend(decoder.glonass_channels());
+        self.info.approximate_position = self.info.approximate_position.or(decoder.station());
         if let Some(header) = decoder.header() {
-            self.info.approximate_position = self.info.approximate_position.or(header.approximate_position);
             fill(&mut self.info.marker_name, &header.marker_name);
             fill(&mut self.info.receiver_type, &header.receiver_type);
         }

@@ -286,13 +286,10 @@ fn summary(config: &AgentConfig) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use cofix_common::orbit::Sp3;
 
     use super::*;
     use crate::ProductSource;
-    use crate::pipeline::PipelineOptions;
 
     const OBSERVATIONS: &str =
         "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
@@ -316,17 +313,8 @@ EOF
         let path = folder.path().join("phone.rnx");
         std::fs::write(&path, OBSERVATIONS).unwrap();
         let products = Products::new(vec![Sp3::parse(ORBITS.as_bytes()).unwrap()], Vec::new());
-        let config = AgentConfig {
-            group: "g".to_owned(),
-            phone: "p".to_owned(),
-            source: Source::File(path),
-            products: ProductSource::Loaded(Arc::new(products)),
-            connect: Vec::new(),
-            speed: Speed::Maximum,
-            pipeline: PipelineOptions::default(),
-            patience: Duration::from_secs(1),
-            kept_messages: 1,
-        };
+        let products = ProductSource::Loaded(Arc::new(products));
+        let config = AgentConfig { products, ..AgentConfig::new("g", "p", Source::File(path)) };
         let prepared = Prepared::new(&config, &Stop::default()).unwrap();
         let channel = |satellite: &str| {
             let time = "2020-08-13T14:19:02".parse().unwrap();

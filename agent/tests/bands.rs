@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
-use cofix_agent::source::{open_file, products};
-use cofix_agent::{ProductSource, Stop};
+use cofix_agent::source::{Reading, open_file, products};
+use cofix_agent::{ProductFiles, ProductSource, Stop};
 use cofix_common::accuracy::{Accuracy, Solution, Truth, score};
 use cofix_common::decode::Record;
 use cofix_common::gnss::ObservationEpoch;
@@ -63,7 +63,7 @@ fn run(drive: &Drive, bands: Bands, ionosphere: Ionosphere) -> (Option<Accuracy>
     let correction = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
     let options = PipelineOptions { correction, ..PipelineOptions::default() };
     let mut pipeline = PhonePipeline::new("phone", Arc::clone(&drive.products), options);
-    let mut records = open_file(&drive.observations, None).unwrap();
+    let mut records = open_file(&drive.observations, &Reading::default()).unwrap();
     let (mut wls, mut local, mut times, mut signals) = (Vec::new(), Vec::new(), Vec::new(), 0);
     while let Some(record) = records.next(&Stop::default()).unwrap() {
         let Record::Epoch(epoch) = record else { continue };
@@ -107,7 +107,11 @@ fn a_table_of_bands() {
     else {
         return;
     };
-    let source = ProductSource::Files { sp3: vec![sp3], navigation: vec![navigation] };
+    let source = ProductSource::Files(ProductFiles {
+        sp3: vec![sp3],
+        navigation: vec![navigation],
+        ..ProductFiles::default()
+    });
     let (products, _) = products(&source).unwrap();
     println!("| drive | phone | signals | per epoch | wls p50 / p95, up (epochs) | local |");
     for session in ["WH-3-08", "WH-3-09", "WH-4-06"] {

@@ -5,22 +5,18 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
+mod hub_support;
 #[path = "../../common/tests/navbits_encoder/mod.rs"]
 mod navbits_encoder;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::channel;
-use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
-use cofix_agent::pipeline::PipelineOptions;
-use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, link, run};
+use cofix_agent::{AgentConfig, ProductFiles, ProductSource, Source, Stop, run};
 use cofix_common::time::GpsTime;
-use cofix_common::wire::{EpochMessage, all_receipts_key, decode, epoch_key, status_key};
+use cofix_common::wire::EpochMessage;
+use hub_support::Hub;
 use navbits_encoder::{Bits, LnavFields, fields, rinex2};
-use zenoh::Wait;
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/google-static-2016");
 const LOG: &str = "pseudoranges_log_2016_06_30_21_26_07.txt";
@@ -30,44 +26,11 @@ const TRANSMISSION: usize = 27;
 
 /// All messages of an agent's run.
 fn published(log: PathBuf, navigation: Vec<PathBuf>) -> Vec<EpochMessage> {
-    let session = link::listen(&["tcp/127.0.0.1:0".to_owned()]).unwrap();
-    let (sender, epochs) = channel();
-    let sender = Mutex::new(sender);
-    let received = Arc::new(AtomicU64::new(0));
-    let counted = Arc::clone(&received);
-    session
-        .declare_subscriber(epoch_key("g", "p").unwrap())
-        .callback(move |sample| {
-            let message: EpochMessage = decode(&sample.payload().to_bytes()).unwrap();
-            counted.fetch_add(1, Ordering::SeqCst);
-            sender.lock().unwrap().send(message).unwrap();
-        })
-        .background()
-        .wait()
-        .unwrap();
-    session.declare_subscriber(status_key("g", "p").unwrap()).callback(|_| {}).background().wait().unwrap();
-    session
-        .declare_queryable(all_receipts_key("g").unwrap())
-        .callback(move |query| {
-            let count = received.load(Ordering::SeqCst).to_string();
-            query.reply(query.key_expr().clone(), count).wait().unwrap();
-        })
-        .background()
-        .wait()
-        .unwrap();
-    let config = AgentConfig {
-        group: "g".to_owned(),
-        phone: "p".to_owned(),
-        source: Source::File(log),
-        products: ProductSource::Files { sp3: Vec::new(), navigation },
-        connect: session.info().locators().wait().iter().map(ToString::to_string).collect(),
-        speed: Speed::Maximum,
-        pipeline: PipelineOptions::default(),
-        patience: Duration::from_secs(20),
-        kept_messages: 10_000,
-    };
+    let hub = Hub::listen();
+    let products = ProductSource::Files(ProductFiles { navigation, ..ProductFiles::default() });
+    let config = AgentConfig { products, ..hub.agent(Source::File(log)) };
     let report = run(&config, &Stop::default()).unwrap();
-    (0..report.epochs_published).map(|_| epochs.recv_timeout(Duration::from_secs(20)).unwrap()).collect()
+    hub.receive(usize::try_from(report.epochs_published).unwrap())
 }
 
 fn nav_line(satellite: u8, subframe: usize, words: &[u32; 10]) -> String {

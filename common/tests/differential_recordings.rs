@@ -8,7 +8,8 @@ use std::sync::Arc;
 use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
 use cofix_common::gnss::{Constellation, ObservationEpoch};
 use cofix_common::measurement::{
-    CorrectionOptions, Corrector, Differential, DifferentialCounts, DifferentialOptions, without_position,
+    CorrectionOptions, Corrector, Differential, DifferentialCounts, DifferentialOptions, Uncorrected,
+    without_position,
 };
 use cofix_common::orbit::Products;
 use cofix_common::rinex::{NavigationFile, ObservationFile};
@@ -163,7 +164,7 @@ const L1: [(Constellation, u8); 4] = [
     (Constellation::Beidou, b'2'),
 ];
 
-/// The first is a static pair, a few metres apart.
+/// A static pair, a few metres apart.
 fn mat() -> Option<(Session, Ecef)> {
     let session = Session {
         products: products("oracle/inputs/mat_base.nav.gz")?,
@@ -194,10 +195,41 @@ fn a_pair_of_receivers() {
     let Some((session, truth)) = mat() else { return };
     let session = session.keep(&L1);
     let plain = errors("mat, plain", &session.solve(None), |_| Some(truth));
-    let with = session.solve(Some(DifferentialOptions::default()));
-    let with = errors("mat, differential", &with, |_| Some(truth));
-    reference("oracle/pos/mat__ex__dgps_GREC_el15.pos", truth);
-    println!("{plain:?} {with:?}");
+    let solved = session.solve(Some(DifferentialOptions::default()));
+    assert_eq!((solved.counts.missing, solved.counts.too_old, solved.counts.refused), (0, 0, 0));
+    let with = errors("mat, differential", &solved, |_| Some(truth));
+    assert!(with.horizontal.0 < 0.3 && with.horizontal.1 < 0.5, "{with:?}");
+    assert!(with.vertical.0 < 0.35 && with.vertical.1 < 0.85, "{with:?}");
+    assert!(with.horizontal.0 < 0.1 * plain.horizontal.0 && with.vertical.0 < 0.2 * plain.vertical.0);
+    let Some(reference) = reference("oracle/pos/mat__ex__dgps_GREC_el15.pos", truth) else { return };
+    // It has a filter over time.
+    assert!(with.horizontal.1 < 2.0 * reference.horizontal.1 && with.vertical.1 < 1.1 * reference.vertical.1);
+}
+
+/// A base that tracks GPS only: what the others do beside it.
+#[test]
+fn a_base_that_lacks_systems() {
+    let Some((mut session, truth)) = mat() else { return };
+    session = session.keep(&L1);
+    for epoch in &mut session.base {
+        epoch.observations.retain(|o| o.satellite.constellation == Constellation::Gps);
+    }
+    let plain = errors("mat, plain", &session.solve(None), |_| Some(truth));
+    let mut horizontal_m = Vec::new();
+    for sigma_m in [1.0, 3.0, 5.0, 10.0] {
+        let options = DifferentialOptions {
+            uncorrected: Uncorrected::Kept { sigma_m },
+            ..DifferentialOptions::default()
+        };
+        let name = format!("mat, base with GPS, others with {sigma_m} m more");
+        horizontal_m.push(errors(&name, &session.solve(Some(options)), |_| Some(truth)).horizontal.0);
+    }
+    let options = DifferentialOptions { uncorrected: Uncorrected::Dropped, ..DifferentialOptions::default() };
+    let dropped = session.solve(Some(options));
+    horizontal_m.push(errors("mat, base with GPS, others dropped", &dropped, |_| Some(truth)).horizontal.0);
+    assert_eq!((dropped.counts.corrected, dropped.counts.missing), (2_709, 9_331));
+    assert!(horizontal_m.is_sorted_by(|a, b| a > b), "{horizontal_m:?}");
+    assert!(horizontal_m[2] < 0.4 * plain.horizontal.0 && horizontal_m[4] < 0.4, "{horizontal_m:?}");
 }
 
 #[test]
@@ -227,12 +259,15 @@ fn a_base_of_thirty_seconds() {
     let sum = fixed.iter().fold(nalgebra::Vector3::zeros(), |sum, position| sum + position.0);
     let truth = Ecef(sum / fixed.len() as f64);
     println!("{} fixed, baseline {:.0} m", fixed.len(), truth.distance_m(base_position));
-    errors("rtk05, plain", &session.solve(None), |_| Some(truth));
-    errors("rtk05, differential", &session.solve(Some(DifferentialOptions::default())), |_| Some(truth));
+    let plain = errors("rtk05, plain", &session.solve(None), |_| Some(truth));
+    let with = session.solve(Some(DifferentialOptions::default()));
+    let with = errors("rtk05, differential", &with, |_| Some(truth));
+    assert!(with.horizontal.0 < 0.45 && with.horizontal.1 < 1.0 && with.vertical.0 < 0.5, "{with:?}");
+    assert!(with.horizontal.0 < 0.5 * plain.horizontal.0 && with.vertical.0 < 0.5 * plain.vertical.0);
     let late = Session { latency_s: 30.0, ..session };
-    errors("rtk05, differential 30 s late", &late.solve(Some(DifferentialOptions::default())), |_| {
-        Some(truth)
-    });
+    let late = late.solve(Some(DifferentialOptions::default()));
+    let late = errors("rtk05, differential 30 s late", &late, |_| Some(truth));
+    assert!(late.horizontal.0 < 0.45 && late.horizontal.1 < 1.6 && late.vertical.0 < 0.5, "{late:?}");
 }
 
 #[test]
@@ -256,26 +291,25 @@ fn a_phone_and_a_base_at_some_distance() {
         DerivedFile::parse(&table).unwrap().epochs.iter().map(DerivedEpoch::to_observations).collect();
     let (truth, _) = ground_truth(&truth).unwrap();
     let at = |time: GpsTime| truth.at(time, &[1]).map(|point| point.position);
-    for mask_deg in [7.5, 15.0] {
-        let session = Session {
-            products: products.clone(),
-            rover: Vec::clone(&rover),
-            base: base.clone(),
-            base_position: Ecef::new(-2_703_116.218, -4_291_767.079, 3_854_247.835),
-            correction: Session::mask(mask_deg),
-            latency_s: 0.0,
-        };
-        println!("mask {mask_deg}");
-        let bs = Session {
-            products: products.clone(),
-            rover: base.clone(),
-            base: Vec::new(),
-            base_position: session.base_position,
-            correction: session.correction,
-            latency_s: 0.0,
-        };
-        errors("base itself", &bs.solve(None), |_| Some(session.base_position));
-        errors("phone, plain", &session.solve(None), at);
-        errors("phone, differential", &session.solve(Some(DifferentialOptions::default())), at);
-    }
+    let mut session = Session {
+        products,
+        rover,
+        base,
+        // The header's position is in NAD83, as it is usual there: 1.6 m from that in the frame of the orbits.
+        base_position: Ecef::new(-2_703_116.218, -4_291_767.079, 3_854_247.835),
+        correction: CorrectionOptions::default(),
+        latency_s: 0.0,
+    };
+    let plain = errors("phone, plain", &session.solve(None), at);
+    let with = session.solve(Some(DifferentialOptions::default()));
+    assert_eq!((with.counts.missing, with.counts.too_old, with.counts.refused), (0, 0, 0));
+    let with = errors("phone, differential", &with, at);
+    // A phone's own multipath outweighs what the base knows; heights gain.
+    assert!(
+        with.horizontal.0 < 1.05 * plain.horizontal.0 && with.horizontal.1 < plain.horizontal.1,
+        "{with:?}"
+    );
+    assert!(with.vertical.0 < 0.75 * plain.vertical.0, "{with:?}");
+    session.base_position = Ecef::new(-2_703_115.266, -4_291_768.344, 3_854_247.955);
+    errors("phone, base's position in NAD83", &session.solve(Some(DifferentialOptions::default())), at);
 }

@@ -8,7 +8,7 @@ use std::thread::{Builder, JoinHandle};
 use anyhow::{Context, anyhow, bail};
 use cofix_agent::masks::{LogOptions, MaskError, Masks};
 use cofix_agent::pipeline::PipelineOptions;
-use cofix_agent::{AgentConfig, Corrections, ProductSource, Source, Speed, Stop, source};
+use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, source};
 use cofix_common::accuracy::Truth;
 use cofix_common::gsdc;
 use cofix_common::measurement::Ionosphere;
@@ -226,17 +226,12 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
     let (mut agents, mut failed) = (Vec::new(), None);
     for phone in &plan.phones {
         let config = AgentConfig {
-            group: plan.group.clone(),
-            phone: phone.name.clone(),
-            source: phone.source.clone(),
             products: ProductSource::Loaded(products.clone()),
-            corrections: Corrections::default(),
             connect: connect.clone(),
             speed: options.speed,
             log: plan.log.with(&plan.masks)?,
             pipeline: plan.pipeline(phone)?,
-            patience: AgentConfig::PATIENCE,
-            kept_messages: AgentConfig::KEPT_MESSAGES,
+            ..AgentConfig::new(&plan.group, &phone.name, phone.source.clone())
         };
         match start_agent(config, &network, agents_stop.clone()) {
             Ok(agent) => agents.push(agent),

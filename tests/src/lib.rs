@@ -5,7 +5,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context;
-use cofix_agent::{AgentConfig, AgentError, AgentReport, Corrections, ProductSource, Speed, Stop, link};
+use cofix_agent::{AgentConfig, AgentError, AgentReport, ProductSource, Stop, link};
 use cofix_common::simulation::{PhoneOptions, Scenario};
 use cofix_hub::align::{AlignOptions, Aligner};
 use cofix_hub::engine::Engine;
@@ -132,17 +132,12 @@ pub fn agent_config(plan: &Plan, phone: usize, connect: &[String]) -> anyhow::Re
     let planned = plan.phones.get(phone).context("no such phone")?;
     let ProductSource::Loaded(products) = &plan.products else { anyhow::bail!("products are not loaded") };
     Ok(AgentConfig {
-        group: plan.group.clone(),
-        phone: planned.name.clone(),
-        source: planned.source.clone(),
         products: ProductSource::Loaded(products.clone()),
-        corrections: Corrections::default(),
         connect: connect.to_vec(),
-        speed: Speed::Maximum,
         log: plan.log.with(&plan.masks)?,
         pipeline: settings(plan.preset).0,
         patience: Duration::from_secs(20),
-        kept_messages: AgentConfig::KEPT_MESSAGES,
+        ..AgentConfig::new(&plan.group, &planned.name, planned.source.clone())
     })
 }
 
