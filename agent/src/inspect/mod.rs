@@ -7,6 +7,7 @@ mod table;
 
 use std::path::Path;
 
+use cofix_common::decode::Record;
 use cofix_common::gnss::{EpochFlag, ObservationEpoch};
 use cofix_common::measurement::CorrectionOptions;
 use cofix_common::skips::Skips;
@@ -19,7 +20,6 @@ pub use steps::{Gap, Gaps};
 
 use crate::Stop;
 use crate::format::Format;
-use crate::products::OwnNavigation;
 use crate::source::{self, SourceError};
 
 /// Gaps and jumps listed one by one; the rest is counted.
@@ -80,19 +80,19 @@ pub struct Mask {
 pub fn inspect(path: &Path, near: Option<GpsTime>, stop: &Stop) -> Result<Inspection, SourceError> {
     let mut records = source::open_file(path, near)?;
     let mut tally = Tally::default();
-    let mut navigation = OwnNavigation::default();
+    let mut ephemerides = 0;
     while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
-        if let Some(epoch) = navigation.take(record) {
-            tally.epoch(&epoch);
+        match record {
+            Record::Epoch(epoch) => tally.epoch(&epoch),
+            Record::Ephemeris(_) | Record::Glonass(_) => ephemerides += 1,
         }
     }
-    navigation.take_terms(records.decoder());
     let channels = records.decoder().glonass_channels();
     Ok(Inspection {
         file: path.display().to_string(),
         format: records.decoder().format(),
-        ephemerides: (navigation.file.ephemerides.len() + navigation.file.glonass.len()) as u64,
-        ionosphere: navigation.file.ionosphere.gps.is_some(),
+        ephemerides,
+        ionosphere: records.decoder().ionosphere().is_some(),
         skips: records.skips(),
         ..tally.report(&channels)
     })

@@ -158,3 +158,14 @@ fn accuracy_m(index: u64) -> f64 {
         _ => 10.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A satellite without any error would silence all others.
+    #[test]
+    fn every_index_has_an_accuracy() {
+        assert!((0..=255).all(|index| (0.01..=10.0).contains(&accuracy_m(index))));
+    }
+}
