@@ -1,5 +1,7 @@
 //! Small recordings of every format, of the same seconds and satellites.
 
+#![allow(dead_code)] // not every test uses everything
+
 use std::fmt::Write as _;
 
 /// A recording in parts.
@@ -35,6 +37,12 @@ fn text(
     }
 }
 
+/// Hour, minute and second of an epoch.
+fn clock(second: i64) -> String {
+    let of_day = 51_540 + second;
+    format!("{:02} {:02} {:2}", of_day / 3_600, of_day / 60 % 60, of_day % 60)
+}
+
 const VALUES: &str = " 116000000.000 8     -1200.000 8        45.000 8";
 
 pub fn rinex_3(count: i64) -> Recording {
@@ -44,7 +52,7 @@ pub fn rinex_3(count: i64) -> Recording {
     }
     let _ = writeln!(header, "{:<60}END OF HEADER", "");
     let epoch = |second| {
-        let mut text = format!("> 2020 08 13 14 19 {second:2}.0000000  0  2\n");
+        let mut text = format!("> 2020 08 13 {}.0000000  0  2\n", clock(second));
         for (number, range_m) in RANGES_M {
             let _ = writeln!(text, "G{number:02}{range_m:14.3} 8{VALUES}");
         }
@@ -64,7 +72,7 @@ pub fn rinex_2(count: i64) -> Recording {
     .map(|(text, label)| format!("{text:<60}{label}\n"))
     .concat();
     let epoch = |second| {
-        let mut text = format!(" 20  8 13 14 19 {second:2}.0000000  0  2G 7G 8\n");
+        let mut text = format!(" 20  8 13 {}.0000000  0  2G 7G 8\n", clock(second));
         for (_, range_m) in RANGES_M {
             let _ = writeln!(text, "{range_m:14.3} 8{VALUES}");
         }
@@ -83,7 +91,7 @@ pub fn compact(count: i64) -> Recording {
     let satellite = |range_m: f64| format!("3&{:.0} 3&116000000000 3&-1200000 3&45000\n", range_m * 1e3);
     let epoch = |second| {
         let ranges = RANGES_M.map(|(_, range_m)| satellite(range_m)).concat();
-        format!("> 2020 08 13 14 19 {second:2}.0000000  0  2      G07G08\n\n{ranges}")
+        format!("> 2020 08 13 {}.0000000  0  2      G07G08\n\n{ranges}", clock(second))
     };
     let glonass = format!("> 2020 08 13 14 19 59.0000000  0  1      R03\n\n{}", satellite(20.1e6));
     text("Compact RINEX", &header, count, epoch, &glonass)
