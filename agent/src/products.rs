@@ -1,14 +1,14 @@
 //! Orbits and the rest: from files, and from what a stream of observations carries itself.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::path::Path;
 use std::sync::Arc;
 
 use cofix_common::atmosphere::Ionex;
 use cofix_common::decode::Record;
-use cofix_common::gnss::ObservationEpoch;
-use cofix_common::orbit::{BiasFile, ClockFile, Products, Sp3};
+use cofix_common::gnss::{ObservationEpoch, SatelliteId};
+use cofix_common::orbit::{BiasFile, ClockFile, GlonassEphemeris, KeplerEphemeris, Products, Sp3};
 use cofix_common::rinex::{IonosphereTerms, NavigationFile};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -112,17 +112,36 @@ pub struct OwnNavigation {
     pub file: NavigationFile,
     /// GLONASS frequency channels by slot, as headers and observations tell them.
     pub glonass_channels: BTreeMap<u8, i8>,
+    /// Which messages there are: streams repeat them every few seconds.
+    known: BTreeSet<MessageKey>,
 }
+
+/// What tells a message from others: satellite, kind, reference times of orbit and clock, issue of data, health.
+type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, u64);
 
 impl OwnNavigation {
     /// Takes a record's ephemeris; gives back the epoch of any other record.
     pub fn take(&mut self, record: Record) -> Option<ObservationEpoch> {
         match record {
             Record::Epoch(epoch) => return Some(epoch),
-            Record::Ephemeris(ephemeris) => self.file.ephemerides.push(*ephemeris),
-            Record::Glonass(ephemeris) => self.file.glonass.push(*ephemeris),
+            Record::Ephemeris(ephemeris) => self.add_kepler(*ephemeris),
+            Record::Glonass(ephemeris) => self.add_glonass(*ephemeris),
         }
         None
+    }
+
+    fn add_kepler(&mut self, e: KeplerEphemeris) {
+        let kind = e.message as u8;
+        if self.known.insert((e.satellite, kind, e.toe, e.toc, e.issue_of_data, e.health.to_bits())) {
+            self.file.ephemerides.push(e);
+        }
+    }
+
+    fn add_glonass(&mut self, e: GlonassEphemeris) {
+        let health = u64::from(e.health.unwrap_or_default());
+        if self.known.insert((e.satellite, 0, e.toe, e.toe, 0, health)) {
+            self.file.glonass.push(e);
+        }
     }
 
     /// Takes what the decoder knows beside ephemerides.
@@ -145,8 +164,8 @@ impl OwnNavigation {
     /// Adds what another recording carried.
     pub fn extend(&mut self, other: Self) {
         self.glonass_channels.extend(other.glonass_channels);
-        self.file.ephemerides.extend(other.file.ephemerides);
-        self.file.glonass.extend(other.file.glonass);
+        other.file.ephemerides.into_iter().for_each(|ephemeris| self.add_kepler(ephemeris));
+        other.file.glonass.into_iter().for_each(|ephemeris| self.add_glonass(ephemeris));
         self.file.ionosphere.gps = self.file.ionosphere.gps.or(other.file.ionosphere.gps);
         self.file.leap_seconds = self.file.leap_seconds.or(other.file.leap_seconds);
     }

@@ -171,9 +171,14 @@ impl StreamDecoder {
 impl Decoder for StreamDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
         match &self.kind {
-            Kind::Open { .. } => self.recognise(bytes, false),
-            _ => self.decoder().feed(bytes),
+            Kind::Open { .. } => self.recognise(bytes, false)?,
+            _ => self.decoder().feed(bytes)?,
         }
+        // The phone's own positions are not used; they must not pile up.
+        if let Kind::GnssLogger(decoder) = &mut self.kind {
+            drop(decoder.take_fixes());
+        }
+        Ok(())
     }
 
     fn finish(&mut self) -> Result<(), WrongStream> {

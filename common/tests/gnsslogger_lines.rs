@@ -722,3 +722,31 @@ proptest! {
         }
     }
 }
+
+/// Numbers that no phone measures; other programs refuse them, and so do messages to the hub.
+#[test]
+fn absurd_strengths_rates_and_ranges_are_counted() {
+    let absurd = [
+        (Line { cn0: 75.0, ..gps(1) }, "C/N0 outside 0 to 70 dB-Hz", (false, false, false)),
+        (
+            Line { rate: "1e300", ..gps(1) },
+            "Doppler beyond 50 kHz (code and phase are used)",
+            (true, true, false),
+        ),
+        (
+            Line { range: "1e308", ..gps(1) },
+            "accumulated delta range beyond 9e9 cycles (code is used)",
+            (true, false, false),
+        ),
+    ];
+    for (line, reason, left) in absurd {
+        let decoded = decode(&log(&[gps(0), line, gps(2)]));
+        assert_eq!(decoded.skips.count(reason), 1, "{}", decoded.skips);
+        let middle = decoded.epochs.iter().find(|epoch| epoch.time_gps == decoded.epochs[0].time_gps + 1.0);
+        let found = middle.map_or((false, false, false), |epoch| {
+            let o = &epoch.observations[0];
+            (o.pseudorange_m.is_some(), o.carrier_phase_cycles.is_some(), o.doppler_hz.is_some())
+        });
+        assert_eq!(found, left, "{reason}");
+    }
+}

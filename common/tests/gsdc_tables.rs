@@ -414,6 +414,17 @@ fn epochs_come_out_while_the_stream_goes_on() {
     assert_eq!(early + std::iter::from_fn(|| decoder.next_epoch()).count(), 100);
 }
 
+/// A table that stays within one minute for ever must not fill the memory.
+#[test]
+fn epochs_without_end_within_a_minute_come_out_too() {
+    let sat = sky()[0];
+    let table: String = (0..5_000).map(|ms| row_2021(START_MS + ms, &sat)).collect();
+    let mut decoder = DerivedDecoder::default();
+    decoder.feed(format!("{HEADER_2021}{table}").as_bytes()).unwrap();
+    let early = std::iter::from_fn(|| decoder.next_epoch()).count();
+    assert!((3_000..5_000).contains(&early), "{early}: {}", decoder.skips());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
 

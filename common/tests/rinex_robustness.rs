@@ -288,3 +288,26 @@ fn line_ends_may_be_mixed() {
         assert_eq!(mixed.unwrap().skips, plain.unwrap().skips);
     }
 }
+
+/// The room of a huge epoch is not set aside again for each of those after it, which may be many and small.
+#[test]
+fn a_huge_epoch_does_not_cost_the_others() {
+    use std::fmt::Write as _;
+
+    let codes: String = (b'A'..=b'Z').map(|c| format!(" C1{}", c as char)).collect();
+    let (first, second) = codes.split_at(13 * 4);
+    let mut text = format!("{:<60}RINEX VERSION / TYPE\n", "     3.04           OBSERVATION DATA    M");
+    writeln!(text, "{:<60}SYS / # / OBS TYPES", format!("G   26{first}")).unwrap();
+    writeln!(text, "{:<60}SYS / # / OBS TYPES\n{:60}END OF HEADER", format!("      {second}"), "").unwrap();
+    writeln!(text, "> 2020 08 13 14 19  0.0000000  0 99").unwrap();
+    for number in 1..=99 {
+        writeln!(text, "G{number:02}{}", "  22100000.000  ".repeat(26)).unwrap();
+    }
+    for second in 1..50 {
+        writeln!(text, "> 2020 08 13 14 19 {second:2}.0000000  0  2\nG01  22100000.000").unwrap();
+    }
+    let epochs = ObservationFile::parse(text.as_bytes()).unwrap().epochs;
+    assert_eq!((epochs.len(), epochs[0].observations.len()), (49, 2_574));
+    let room: usize = epochs[1..].iter().map(|epoch| epoch.observations.capacity()).sum();
+    assert!(room <= 48 * 512, "{room}");
+}

@@ -276,3 +276,27 @@ proptest! {
         prop_assert_eq!(sorted(again.epochs), sorted(epochs));
     }
 }
+
+/// A phase that rounds to zero is left out, but the loss of lock stays, also when no other phase is there.
+#[test]
+fn loss_of_lock_without_a_phase_comes_back() {
+    let observation = Observation {
+        satellite: "E11".parse().unwrap(),
+        signal: SignalCode::new(b'1', b'C'),
+        pseudorange_m: Some(2.4e7),
+        carrier_phase_cycles: Some(1e-6),
+        doppler_hz: None,
+        cn0_dbhz: None,
+        loss_of_lock: LossOfLock { cycle_slip: true, half_cycle: false },
+    };
+    let epoch = ObservationEpoch {
+        time_gps: "2023-11-07T12:00:00".parse().unwrap(),
+        flag: EpochFlag::Ok,
+        observations: vec![observation],
+    };
+    let info = RecordingInfo::default();
+    let once = ObservationFile::parse(written(&[epoch], &info).0.as_bytes()).unwrap().epochs;
+    assert_eq!(once[0].observations[0].loss_of_lock, observation.loss_of_lock);
+    let twice = ObservationFile::parse(written(&once, &info).0.as_bytes()).unwrap().epochs;
+    assert_eq!(twice, once);
+}

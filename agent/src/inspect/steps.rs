@@ -13,6 +13,8 @@ const GAP: f64 = 1.5;
 const DISTINCT: usize = 10_000;
 /// Steps that may turn out to be gaps.
 const CANDIDATES: usize = 100_000;
+/// The most frequent step is the usual one when it came so often; before that any step may turn out to be a gap.
+const KNOWN_AFTER: u64 = 100;
 
 /// A gap.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -57,7 +59,7 @@ impl Steps {
                 self.usual = (milliseconds, *count);
             }
         }
-        let is_candidate = step_s * 1e3 > GAP * self.usual.0 as f64 || self.by_millisecond.len() < 3;
+        let is_candidate = step_s * 1e3 > GAP * self.usual.0 as f64 || self.usual.1 < KNOWN_AFTER;
         if is_candidate && self.candidates.len() < CANDIDATES {
             self.candidates.push((before, step_s));
         }
@@ -92,6 +94,18 @@ impl Steps {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn usual_steps_are_not_kept() {
+        let start = GpsTime::from_week_tow(2118, 0.0);
+        let mut steps = Steps::default();
+        for second in 0..10_000 {
+            steps.add(start + f64::from(second), start + f64::from(second + 1));
+        }
+        assert!(steps.candidates.len() <= 100, "{}", steps.candidates.len());
+        steps.add(start + 10_000.0, start + 10_030.0);
+        assert_eq!(steps.report().1.count, 1);
+    }
 
     #[test]
     fn gaps_are_told_from_jitter() {

@@ -13,6 +13,8 @@ use crate::time::GpsTime;
 
 /// An epoch is complete when a row this much later comes, s: rows need not be in order of time within this span.
 const REORDER_S: f64 = 60.0;
+/// So many epochs wait at most; of a minute at 10 Hz there are 600.
+const MAX_OPEN: usize = 2_000;
 /// A longer step forward than this (s) is believed only when the next row confirms it.
 const MAX_STEP_S: f64 = 86_400.0;
 
@@ -209,8 +211,11 @@ impl Table {
 
     /// Takes out the epochs that are complete; all of them at the end.
     fn complete(&mut self, ended: bool, ready: &mut VecDeque<DerivedEpoch>) {
-        while let Some(entry) = self.open.first_entry() {
-            if !ended && self.latest.is_none_or(|latest| latest - *entry.key() <= REORDER_S) {
+        loop {
+            let is_full = self.open.len() > MAX_OPEN;
+            let Some(entry) = self.open.first_entry() else { return };
+            let is_recent = self.latest.is_none_or(|latest| latest - *entry.key() <= REORDER_S);
+            if !ended && is_recent && !is_full {
                 break;
             }
             self.closed = Some(*entry.key());

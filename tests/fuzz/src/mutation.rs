@@ -43,7 +43,9 @@ fn damage(bytes: &mut Vec<u8>, other: &[u8], random: &mut impl Rng) {
         1 => drop(bytes.drain(at..end)),
         2 => flip(bytes, at, random),
         3 => {
-            drop(bytes.splice(at..at, (0..length(random)).map(|_| random.random::<u8>()).collect::<Vec<_>>()))
+            drop(
+                bytes.splice(at..at, (0..length(random)).map(|_| random.random::<u8>()).collect::<Vec<_>>()),
+            );
         }
         4 => repeat(bytes, at, end, random),
         5 => splice(bytes, other, at, random),

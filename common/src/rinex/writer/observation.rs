@@ -66,6 +66,9 @@ impl ObservationLayout {
             for (used, (_, value)) in used.iter_mut().zip(COLUMNS) {
                 *used |= value(observation).is_some();
             }
+            // The indicators stand in the column of the phase, even where it is blank.
+            let [_, phase, ..] = used;
+            *phase |= observation.loss_of_lock != LossOfLock::default();
         }
     }
 
