@@ -26,6 +26,7 @@
 //! - a phone that has not spoken: so long after the others' earliest message; longer when its agent is known to be there.
 //! - when all that waits is far ahead of the phone ([`AlignOptions::maximum_lead_s`]): longer. Another day's file or a wrong clock
 //!   must not carry the group away from the others.
+//! - a phone whose missing messages are being fetched ([`Aligner::expect`]): counted from the end of that.
 //! - a phone that is as far behind the majority, and does not catch up, is not waited for at all.
 
 use std::collections::VecDeque;

@@ -50,7 +50,7 @@ pub struct Group {
     outputs: Outputs,
     start: Instant,
     /// When gaps were last looked at.
-    recovered_at: Duration,
+    recovered_at: Option<Duration>,
     /// By phone, how many epochs of agents that have ended are missing, and since when so many.
     missing: Vec<Option<(u64, Instant)>>,
     /// By phone, whether an agent is there.
@@ -95,7 +95,7 @@ impl Group {
             receipts: parts.receipts,
             history: parts.history,
             recovery: Recovery::new(parts.course != Course::Replay),
-            recovered_at: Duration::ZERO,
+            recovered_at: None,
             outputs: parts.outputs,
             start: Instant::now(),
             missing: vec![None; phones],
@@ -241,6 +241,7 @@ impl Group {
             Event::Answered { phone, sender } => {
                 if let Some(phone) = self.intake.index(&phone) {
                     self.recovery.answered(phone, &sender);
+                    self.recovered_at = None;
                 }
             }
             Event::Alive { phone, alive } => self.alive(&phone, alive),

@@ -21,8 +21,8 @@ const SETTLING: Duration = Duration::from_millis(100);
 const RETRY: Duration = Duration::from_millis(500);
 /// Longest wait for the end of one answer.
 pub const ANSWER: Duration = Duration::from_secs(5);
-/// Most epochs asked for at once: some megabytes.
-const PORTION: u64 = 256;
+/// Most epochs asked for at once: some hundred kilobytes, so that a slow link has them well before the question expires.
+const PORTION: u64 = 64;
 
 /// A question for an agent.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -21,6 +21,7 @@ use cofix_hub::group::Course;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_tests::{Hub, agent_config, plan_of, run_agents, small_plan, start_agent};
 use zenoh::Wait;
+use zenoh::qos::CongestionControl;
 use zenoh::sample::Locality;
 
 /// The messages that the agent of a phone would send.
@@ -55,13 +56,17 @@ fn garbage_of_others_is_counted_and_changes_nothing() {
     future.time_gps = GpsTime::from_nanos(i64::MAX);
     let good = encode(&absurd).unwrap();
     let epochs = epoch_key(&plan.group, "SIM1").unwrap();
+    // What is put may be dropped by default.
+    let put = |key: &str, bytes: Vec<u8>| {
+        session.put(key, bytes).congestion_control(CongestionControl::Block).wait().unwrap();
+    };
     for bytes in [b"hello".to_vec(), vec![], good[..40].to_vec(), vec![0xff; 300_000], good.clone()] {
-        session.put(&epochs, bytes).wait().unwrap();
+        put(&epochs, bytes);
     }
-    session.put(&epochs, encode(&nameless).unwrap()).wait().unwrap();
-    session.put(&epochs, encode(&future).unwrap()).wait().unwrap();
-    session.put(status_key(&plan.group, "SIM1").unwrap(), "hello").wait().unwrap();
-    session.put(epoch_key(&plan.group, "SIM9").unwrap(), good).wait().unwrap();
+    put(&epochs, encode(&nameless).unwrap());
+    put(&epochs, encode(&future).unwrap());
+    put(&status_key(&plan.group, "SIM1").unwrap(), b"hello".to_vec());
+    put(&epoch_key(&plan.group, "SIM9").unwrap(), good);
     run_agents(&plan, &hub.endpoints).unwrap();
     let report = hub.join().unwrap();
 

@@ -11,10 +11,10 @@ impl Group {
     /// Asks agents for what is missing, and gives up what they do not have.
     pub(super) fn recover(&mut self) {
         let now = self.start.elapsed();
-        if now.saturating_sub(self.recovered_at) < TICK {
+        if self.recovered_at.is_some_and(|last| now.saturating_sub(last) < TICK) {
             return;
         }
-        self.recovered_at = now;
+        self.recovered_at = Some(now);
         for step in self.recovery.steps(&self.intake, now) {
             match step {
                 Step::Ask(question) => self.ask(question),

@@ -55,9 +55,9 @@ fn a_gap_is_asked_for_in_portions_when_it_has_not_closed_by_itself() {
     assert_eq!(recovery.steps(&intake, after(0)), []);
     assert_eq!(recovery.expected(after(0)).collect::<Vec<_>>(), [0]);
     assert_eq!(recovery.steps(&intake, after(100)), ask(0, PORTION));
-    send(&mut intake, 0..100);
+    send(&mut intake, 0..30);
     assert_eq!(recovery.steps(&intake, after(900)), [], "the answer goes on");
-    send(&mut intake, 100..PORTION);
+    send(&mut intake, 30..PORTION);
     recovery.answered(0, "x");
     assert_eq!(recovery.steps(&intake, after(950)), ask(PORTION, 2 * PORTION));
     send(&mut intake, PORTION..600);
