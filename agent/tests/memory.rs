@@ -54,7 +54,12 @@ fn peaks(format: fn(i64) -> Recording, epochs: i64) -> [usize; 3] {
     [
         peak(|| assert_eq!(inspect(&path, &options, &stop).unwrap().epochs, count)),
         peak(|| assert_eq!(survey(&source, &reading, &stop).unwrap().epochs, count)),
-        peak(|| assert_eq!(convert(&[path.clone()], &outputs, &reading, &stop).unwrap().epochs, count)),
+        peak(|| {
+            assert_eq!(
+                convert(std::slice::from_ref(&path), &outputs, &reading, &stop).unwrap().epochs,
+                count
+            );
+        }),
     ]
 }
 
