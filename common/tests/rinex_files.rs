@@ -247,6 +247,7 @@ fn time_systems_become_gps_time() {
     assert_eq!(first("GPS", ""), Ok(2.0));
     assert_eq!(first("GAL", ""), Ok(2.0));
     assert_eq!(first("BDT", ""), Ok(16.0));
+    assert_eq!(first("BDS", ""), Ok(16.0), "as some writers call it");
     assert_eq!(first("GLO", &leap), Ok(20.0));
     // Without the line, by the date.
     assert_eq!(first("GLO", ""), Ok(20.0));

@@ -166,7 +166,7 @@ impl HeaderBuilder {
         };
         self.header.to_gps_time_s = match system {
             "" | "GPS" | "GAL" | "QZS" | "IRN" => 0.0,
-            "BDT" => BEIDOU_BEHIND_GPS_S,
+            "BDT" | "BDS" => BEIDOU_BEHIND_GPS_S,
             "GLO" | "UTC" => {
                 self.utc_by_date = self.header.leap_seconds.is_none();
                 let at = self.first_observation_own.unwrap_or_else(|| GpsTime::from_nanos(i64::MAX));
