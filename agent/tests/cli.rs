@@ -124,6 +124,31 @@ fn recordings_are_inspected_as_table_and_as_json() {
     assert!(said.contains("1 of 2 files cannot be used") && said.contains("noise.txt"), "{said}");
 }
 
+/// Packs as `compress` may: nine bits for each byte, and before they become too few, code 256 and the rest of the group of eight.
+fn compress(bytes: &[u8]) -> Vec<u8> {
+    let mut codes = Vec::new();
+    for piece in bytes.chunks(200) {
+        codes.extend(piece.iter().map(|byte| u32::from(*byte)));
+        codes.push(256);
+        codes.resize(codes.len().next_multiple_of(8), 0);
+    }
+    let bits: Vec<u8> =
+        codes.iter().flat_map(|code| (0..9).map(move |k| u8::from(code >> k & 1 == 1))).collect();
+    let packed = bits.chunks(8).map(|byte| byte.iter().rev().fold(0, |value, bit| value << 1 | bit));
+    [0x1f, 0x9d, 0x90].into_iter().chain(packed).collect()
+}
+
+#[test]
+fn packed_recordings_are_read_as_plain_ones() {
+    let folder = folder();
+    std::fs::write(folder.path().join("good.rnx.Z"), compress(OBSERVATIONS.as_bytes())).unwrap();
+    let report = |name: &str| {
+        let output = command(folder.path(), &["inspect", name]).success().get_output().stdout.clone();
+        String::from_utf8(output).unwrap().replace(name, "")
+    };
+    assert_eq!(report("good.rnx.Z"), report("good.rnx"));
+}
+
 #[test]
 fn recordings_are_converted() {
     let folder = folder();
