@@ -258,6 +258,20 @@ fn time_systems_become_gps_time() {
 }
 
 #[test]
+fn a_header_without_a_readable_first_time_is_used() {
+    let good = small_file("3.04", "BDT", "", &format!("{EPOCH_2}{G10}"));
+    for time in ["  2020     8    13    14    19    .2.000000", "                                           "]
+    {
+        let text = good.replace("  2020     8    13    14    19    2.0000000", time);
+        let file = ObservationFile::parse(text.as_bytes()).unwrap();
+        assert_eq!(file.epochs[0].time_gps.calendar().second, 16.0);
+        assert_eq!(file.header.first_observation, None);
+        let reason = "header's time of the first observation cannot be read, not used";
+        assert_eq!((file.skips.count(reason), file.skips.total()), (1, 1), "{}", file.skips);
+    }
+}
+
+#[test]
 fn other_files_are_refused_with_what_was_found() {
     let message = |bytes: &[u8]| ObservationFile::parse(bytes).unwrap_err().to_string();
     for version in ["1.00", "2.50", "3.06", "5.00", "x.yz"] {
