@@ -6,15 +6,19 @@ use std::path::{Path, PathBuf};
 
 use cofix_common::decode::Record;
 use cofix_common::rinex::{
-    ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, leap_seconds_at, navigation_header,
-    navigation_record,
+    NavigationFile, ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, leap_seconds_at,
+    navigation_header, navigation_record,
 };
 use cofix_common::skips::Skips;
 use cofix_common::time::{Calendar, GpsTime};
 
 use crate::Stop;
+use crate::input::{Bytes, Portion, Recorded};
 use crate::products::OwnNavigation;
 use crate::source::{self, Reading, SourceError};
+
+/// Columns of a RINEX header line.
+const FIRST_LINE: usize = 80;
 
 /// What to write.
 #[derive(Clone, Debug, Default)]
@@ -70,9 +74,11 @@ struct Contents {
     navigation: OwnNavigation,
     info: RecordingInfo,
     epochs: u64,
+    /// The files with observations; the others are navigation files.
+    recordings: Vec<PathBuf>,
 }
 
-/// Converts recordings, one after the other in order of time, into one observation file and one navigation file. Each is
+/// Converts recordings and navigation files, one after the other in order of time, into one observation file and one navigation file. Each is
 /// read twice, in portions: RINEX names its columns before the first epoch.
 ///
 /// # Errors
@@ -90,14 +96,26 @@ pub fn convert(
     let mut contents = Contents::default();
     contents.info.created = now();
     for path in files {
-        converted.skips.merge(&contents.read(path, reading, stop)?);
+        let skips = if is_navigation_file(path, stop) {
+            contents.read_navigation(path)?
+        } else {
+            contents.recordings.push(path.clone());
+            contents.read(path, reading, stop)?
+        };
+        converted.skips.merge(&skips);
     }
     if let Some(path) = &outputs.observations {
         if contents.epochs == 0 {
             return Err(ConvertError::Nothing { path: path.clone(), what: "epoch" });
         }
         let writer = ObservationWriter::new(contents.layout.clone());
-        write_observations((path, files), &contents.info, writer, (reading, stop), &mut converted)?;
+        write_observations(
+            (path, &contents.recordings),
+            &contents.info,
+            writer,
+            (reading, stop),
+            &mut converted,
+        )?;
     }
     if let Some(path) = &outputs.navigation {
         if contents.navigation.is_empty() {
@@ -130,6 +148,38 @@ impl Contents {
         self.navigation.extend(navigation);
         Ok(records.skips())
     }
+}
+
+impl Contents {
+    fn read_navigation(&mut self, path: &Path) -> Result<Skips, SourceError> {
+        let kind = "RINEX navigation";
+        let bytes =
+            std::fs::read(path).map_err(|cause| SourceError::Read { path: path.to_owned(), kind, cause })?;
+        let file = NavigationFile::parse(&bytes).map_err(|error| SourceError::Unusable {
+            source_name: path.display().to_string(),
+            kind,
+            reason: error.to_string(),
+        })?;
+        self.info.leap_seconds = self.info.leap_seconds.or(file.leap_seconds);
+        let terms = &mut self.navigation.file.ionosphere;
+        terms.beidou = terms.beidou.or(file.ionosphere.beidou);
+        terms.galileo = terms.galileo.or(file.ionosphere.galileo);
+        let skips = file.skips.clone();
+        self.navigation.extend(OwnNavigation { file });
+        Ok(skips)
+    }
+}
+
+/// Whether the first line is that of a RINEX navigation file. A file that cannot be read is none: who reads it will say why.
+fn is_navigation_file(path: &Path, stop: &Stop) -> bool {
+    let Ok(mut file) = Recorded::open(path) else { return false };
+    let (mut start, mut portion) = (Vec::new(), Vec::new());
+    while start.len() < FIRST_LINE && matches!(file.next(&mut portion, stop), Ok(Portion::Bytes)) {
+        start.append(&mut portion);
+    }
+    let label = start.get(60..FIRST_LINE);
+    let kind = start.get(20).copied().unwrap_or(b' ');
+    label.is_some_and(|label| label == b"RINEX VERSION / TYPE") && b"NGHE".contains(&kind)
 }
 
 fn fill(text: &mut String, from: &str) {

@@ -166,6 +166,31 @@ fn recordings_are_inspected_as_table_and_as_json() {
     assert!(said.contains("1 of 2 files cannot be used") && said.contains("noise.txt"), "{said}");
 }
 
+/// Packs as `compress` may: nine bits for each byte, and before they become too few, code 256 and the rest of the group of eight.
+fn compress(bytes: &[u8]) -> Vec<u8> {
+    let mut codes = Vec::new();
+    for piece in bytes.chunks(200) {
+        codes.extend(piece.iter().map(|byte| u32::from(*byte)));
+        codes.push(256);
+        codes.resize(codes.len().next_multiple_of(8), 0);
+    }
+    let bits: Vec<u8> =
+        codes.iter().flat_map(|code| (0..9).map(move |k| u8::from(code >> k & 1 == 1))).collect();
+    let packed = bits.chunks(8).map(|byte| byte.iter().rev().fold(0, |value, bit| value << 1 | bit));
+    [0x1f, 0x9d, 0x90].into_iter().chain(packed).collect()
+}
+
+#[test]
+fn packed_recordings_are_read_as_plain_ones() {
+    let folder = folder();
+    std::fs::write(folder.path().join("good.rnx.Z"), compress(OBSERVATIONS.as_bytes())).unwrap();
+    let report = |name: &str| {
+        let output = command(folder.path(), &["inspect", name]).success().get_output().stdout.clone();
+        String::from_utf8(output).unwrap().replace(name, "")
+    };
+    assert_eq!(report("good.rnx.Z"), report("good.rnx"));
+}
+
 #[test]
 fn recordings_are_converted() {
     let folder = folder();
@@ -176,6 +201,8 @@ fn recordings_are_converted() {
     for (arguments, code, said) in [
         (vec!["convert", "good.rnx", "--observations", "good.rnx"], 1, "would be overwritten"),
         (vec!["convert", "good.rnx", "--navigation", "out.nav"], 1, "has no navigation message"),
+        (vec!["convert", "nav.rnx", "--navigation", "out.nav"], 1, "has no navigation message"),
+        (vec!["convert", "nav.rnx", "--observations", "out.rnx"], 1, "has no epoch"),
         (vec!["convert", "good.rnx"], 2, "--observations"),
         (vec!["convert", "header.rnx", "--observations", "out.rnx"], 1, "has no epoch"),
     ] {
@@ -184,6 +211,33 @@ fn recordings_are_converted() {
         assert!(text.contains(said), "expected '{said}' in: {text}");
     }
     assert_eq!(std::fs::read_to_string(folder.path().join("good.rnx")).unwrap(), OBSERVATIONS);
+}
+
+/// A GLONASS file of RINEX 2 becomes one of RINEX 3.05, and observations beside it are converted as ever.
+#[test]
+fn navigation_files_are_converted() {
+    let folder = folder();
+    let glonass = "     2.01           G: GLONASS NAV DATA                     RINEX VERSION / TYPE
+    18                                                      LEAP SECONDS
+                                                            END OF HEADER
+ 7 20  8 13 14 15  0.0 3.456789627671D-05 9.094947017729D-13 3.132000000000D+05
+    1.023456787109D+04-1.234567642212D+00-1.862645149231D-09 0.000000000000D+00
+   -1.234567871094D+04 2.345678329468D+00 0.000000000000D+00-4.000000000000D+00
+    1.987654345703D+04-9.012346267700D-01 9.313225746155D-10 1.000000000000D+00
+";
+    std::fs::write(folder.path().join("a.20g"), glonass).unwrap();
+    command(
+        folder.path(),
+        &["convert", "a.20g", "good.rnx", "--navigation", "out.nav", "--observations", "o.rnx"],
+    )
+    .success();
+    let text = std::fs::read_to_string(folder.path().join("out.nav")).unwrap();
+    assert!(text.contains("R07 2020 08 13 14 15 00 3.456789627671E-05 9.094947017729E-13"), "{text}");
+    assert!(
+        text.contains("    -1.234567871094E+04 2.345678329468E+00 0.000000000000E+00-4.000000000000E+00"),
+        "{text}"
+    );
+    assert!(folder.path().join("o.rnx").exists());
 }
 
 #[test]

@@ -516,9 +516,8 @@ fn log_of_version((_, begin, first, last): (&str, &str, &str, &str), lines: &[Li
     let names: Vec<&str> = HEADER.trim_start_matches("# ").split(',').collect();
     let common = names.iter().position(|name| *name == "ConstellationType").unwrap();
     let extra: Vec<&str> = last.split(',').filter(|name| !name.is_empty()).collect();
-    let middle = names[2..=common].join(",");
-    let header =
-        format!("{begin}Raw,{first},{middle}{}", extra.iter().map(|n| format!(",{n}")).collect::<String>());
+    let all: Vec<&str> = names[2..=common].iter().chain(&extra).copied().collect();
+    let header = format!("{begin}Raw,{first},{}", all.join(","));
     let mut text = format!("# \n# Header Description:\n# \n# Version: v0 Platform: 9\n# \n{header}\n# \n");
     text += "# Nav,Svid,Type,Status,MessageId,Sub-messageId,Data(Bytes)\n# \n";
     for line in lines {

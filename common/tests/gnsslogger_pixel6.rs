@@ -87,6 +87,34 @@ fn epochs_and_lines_are_complete() {
     assert_eq!(both.skips.count("mask: pseudorange"), 0);
 }
 
+/// The file's tags are not the text's in another time system. All of the text's lie at 2 s past a multiple of 6 s, all of the
+/// file's at 3 s, so a shift by leap seconds (18 s, or the 14 s of BeiDou) brings no two together. Of the shifts that do (1 s
+/// and 6 s more or less), none makes the pseudoranges of an epoch agree, even up to a common offset: at 1 s they are off by
+/// what the distances change in a second, in the median 400 m, and at others by that many times more.
+#[test]
+fn no_shift_makes_the_tags_meet() {
+    let Some(both) = both() else { return };
+    let second = |epoch: &ObservationEpoch| epoch.time_gps.tow_s().round() % 6.0;
+    assert!(both.text.iter().all(|epoch| second(epoch) == 2.0));
+    assert!(both.rinex.iter().all(|epoch| second(epoch) == 3.0));
+    for shift_s in (-41_i32..=37).step_by(6) {
+        let mut spread = Vec::new();
+        for epoch in &both.text {
+            let wanted = epoch.time_gps + f64::from(shift_s);
+            let Some(other) = both.rinex.iter().find(|r| (r.time_gps - wanted).abs() < 0.01) else {
+                continue;
+            };
+            let longer = |o: &Observation| Some(find(other, o)?.pseudorange_m? - o.pseudorange_m?);
+            let longer: Vec<f64> = epoch.observations.iter().filter_map(longer).collect();
+            let (common, _) = median(longer.clone());
+            spread.extend(longer.iter().map(|m| (m - common).abs()));
+        }
+        let (typical_m, _) = median(spread);
+        println!("shift {shift_s} s: {typical_m:.0} m");
+        assert!(typical_m > 300.0 * f64::from(shift_s.abs()), "{shift_s} s: {typical_m} m");
+    }
+}
+
 #[test]
 fn all_pseudoranges_are_whole_nanoseconds() {
     let Some(both) = both() else { return };

@@ -247,6 +247,7 @@ fn time_systems_become_gps_time() {
     assert_eq!(first("GPS", ""), Ok(2.0));
     assert_eq!(first("GAL", ""), Ok(2.0));
     assert_eq!(first("BDT", ""), Ok(16.0));
+    assert_eq!(first("BDS", ""), Ok(16.0), "as some writers call it");
     assert_eq!(first("GLO", &leap), Ok(20.0));
     // Without the line, by the date.
     assert_eq!(first("GLO", ""), Ok(20.0));
@@ -254,6 +255,20 @@ fn time_systems_become_gps_time() {
     // A column farther to the right than the format says.
     assert_eq!(first(" BDT", ""), Ok(16.0));
     assert_eq!(first("XYZ", ""), Err(RinexError::TimeSystem { found: "XYZ".to_owned() }));
+}
+
+#[test]
+fn a_header_without_a_readable_first_time_is_used() {
+    let good = small_file("3.04", "BDT", "", &format!("{EPOCH_2}{G10}"));
+    for time in ["  2020     8    13    14    19    .2.000000", "                                           "]
+    {
+        let text = good.replace("  2020     8    13    14    19    2.0000000", time);
+        let file = ObservationFile::parse(text.as_bytes()).unwrap();
+        assert_eq!(file.epochs[0].time_gps.calendar().second, 16.0);
+        assert_eq!(file.header.first_observation, None);
+        let reason = "header's time of the first observation cannot be read, not used";
+        assert_eq!((file.skips.count(reason), file.skips.total()), (1, 1), "{}", file.skips);
+    }
 }
 
 #[test]

@@ -61,6 +61,8 @@ pub(super) struct HeaderBuilder {
     continued: Option<(Constellation, usize)>,
     scaled: Option<Scaled>,
     first_observation_own: Option<GpsTime>,
+    /// The line of the first observation's time, where that cannot be read. Only the time system is needed.
+    unread_time: Option<String>,
 }
 
 /// A scale factor whose list of types is not complete yet.
@@ -74,12 +76,16 @@ struct Scaled {
 const TYPES_LABEL: &str = "SYS / # / OBS TYPES";
 const TYPES_2_LABEL: &str = "# / TYPES OF OBSERV";
 const SCALE_LABEL: &str = "SYS / SCALE FACTOR";
-const FIRST_LABEL: &str = "TIME OF FIRST OBS";
 
 impl HeaderBuilder {
     /// Lines taken so far.
     pub(super) const fn lines(&self) -> u64 {
         self.lines
+    }
+
+    /// The line of the first observation's time, where that cannot be read.
+    pub(super) const fn unread_time(&mut self) -> Option<String> {
+        self.unread_time.take()
     }
 
     /// The header so far.
@@ -145,7 +151,7 @@ impl HeaderBuilder {
                 self.first_observation_own = calendar_of_header(line);
                 // Some writers are a column off.
                 self.header.time_system = text(columns(line, 46, 60));
-                self.first_observation_own.ok_or(FIRST_LABEL)?;
+                self.unread_time = self.first_observation_own.is_none().then(|| shorten(line));
             }
             b"# / TYPES OF OBSERV" => self.observation_types_2(line).ok_or(TYPES_2_LABEL)?,
             b"GLONASS SLOT / FRQ #" => self.glonass_slots(line),
@@ -166,7 +172,7 @@ impl HeaderBuilder {
         };
         self.header.to_gps_time_s = match system {
             "" | "GPS" | "GAL" | "QZS" | "IRN" => 0.0,
-            "BDT" => BEIDOU_BEHIND_GPS_S,
+            "BDT" | "BDS" => BEIDOU_BEHIND_GPS_S,
             "GLO" | "UTC" => {
                 self.utc_by_date = self.header.leap_seconds.is_none();
                 let at = self.first_observation_own.unwrap_or_else(|| GpsTime::from_nanos(i64::MAX));

@@ -148,6 +148,10 @@ impl ObservationDecoder {
         if matches!(self.state, State::Header) {
             if self.builder.line(number, line)? {
                 self.builder.complete()?;
+                if let Some(text) = self.builder.unread_time() {
+                    self.skips
+                        .add("header's time of the first observation cannot be read, not used", || text);
+                }
                 self.layouts = Layouts::new(self.builder.header());
                 self.state = State::Between;
             }
