@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 
 use cofix_common::decode::Record;
 use cofix_common::rinex::{
-    NavigationFile, ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, leap_seconds_at,
-    navigation_header, navigation_record,
+    ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, leap_seconds_at, navigation_header,
+    navigation_record,
 };
 use cofix_common::skips::Skips;
 use cofix_common::time::{Calendar, GpsTime};
 
 use crate::Stop;
 use crate::input::{Bytes, Portion, Recorded};
-use crate::products::OwnNavigation;
+use crate::products::{OwnNavigation, navigation_file};
 use crate::source::{self, Reading, SourceError};
 
 /// Columns of a RINEX header line.
@@ -152,20 +152,10 @@ impl Contents {
 
 impl Contents {
     fn read_navigation(&mut self, path: &Path) -> Result<Skips, SourceError> {
-        let kind = "RINEX navigation";
-        let bytes =
-            std::fs::read(path).map_err(|cause| SourceError::Read { path: path.to_owned(), kind, cause })?;
-        let file = NavigationFile::parse(&bytes).map_err(|error| SourceError::Unusable {
-            source_name: path.display().to_string(),
-            kind,
-            reason: error.to_string(),
-        })?;
+        let file = navigation_file(path)?;
         self.info.leap_seconds = self.info.leap_seconds.or(file.leap_seconds);
-        let terms = &mut self.navigation.file.ionosphere;
-        terms.beidou = terms.beidou.or(file.ionosphere.beidou);
-        terms.galileo = terms.galileo.or(file.ionosphere.galileo);
         let skips = file.skips.clone();
-        self.navigation.extend(OwnNavigation { file });
+        self.navigation.add_file(file);
         Ok(skips)
     }
 }

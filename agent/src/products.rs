@@ -55,7 +55,8 @@ impl Loaded {
 fn load(files: &ProductFiles) -> Result<(Products, Skips), SourceError> {
     let mut skips = Skips::default();
     let precise = parse_all(&files.sp3, "SP3", Sp3::parse)?;
-    let broadcast = parse_all(&files.navigation, "RINEX navigation", NavigationFile::parse)?;
+    let broadcast =
+        files.navigation.iter().map(|path| navigation_file(path)).collect::<Result<Vec<_>, _>>()?;
     let clocks = parse_all(&files.clock, "RINEX clock", ClockFile::parse)?;
     let biases = parse_all(&files.bias, "Bias-SINEX", BiasFile::parse)?;
     let maps = parse_all(&files.ionex, "IONEX", Ionex::parse)?;
@@ -79,15 +80,26 @@ fn load(files: &ProductFiles) -> Result<(Products, Skips), SourceError> {
     Ok((products, skips))
 }
 
+/// Reads a RINEX navigation file.
+pub(crate) fn navigation_file(path: &Path) -> Result<NavigationFile, SourceError> {
+    parse(path, "RINEX navigation", NavigationFile::parse)
+}
+
 /// Reads files of one kind.
 fn parse_all<T, E: Display>(
     paths: &[impl AsRef<Path>],
     kind: &'static str,
-    parse: impl Fn(&[u8]) -> Result<T, E>,
+    parse_bytes: impl Fn(&[u8]) -> Result<T, E>,
 ) -> Result<Vec<T>, SourceError> {
-    let one =
-        |path: &Path| parse(&read(path, kind)?).map_err(|error| unusable(path, kind, error.to_string()));
-    paths.iter().map(|path| one(path.as_ref())).collect()
+    paths.iter().map(|path| parse(path.as_ref(), kind, &parse_bytes)).collect()
+}
+
+fn parse<T, E: Display>(
+    path: &Path,
+    kind: &'static str,
+    parse_bytes: impl Fn(&[u8]) -> Result<T, E>,
+) -> Result<T, SourceError> {
+    parse_bytes(&read(path, kind)?).map_err(|error| unusable(path, kind, error.to_string()))
 }
 
 /// The beginning of the precise orbits, else the earliest broadcast message.
@@ -164,10 +176,18 @@ impl OwnNavigation {
     /// Adds what another recording carried.
     pub fn extend(&mut self, other: Self) {
         self.glonass_channels.extend(other.glonass_channels);
-        other.file.ephemerides.into_iter().for_each(|ephemeris| self.add_kepler(ephemeris));
-        other.file.glonass.into_iter().for_each(|ephemeris| self.add_glonass(ephemeris));
-        self.file.ionosphere.gps = self.file.ionosphere.gps.or(other.file.ionosphere.gps);
-        self.file.leap_seconds = self.file.leap_seconds.or(other.file.leap_seconds);
+        self.add_file(other.file);
+    }
+
+    /// Adds what a navigation file holds.
+    pub fn add_file(&mut self, file: NavigationFile) {
+        file.ephemerides.into_iter().for_each(|ephemeris| self.add_kepler(ephemeris));
+        file.glonass.into_iter().for_each(|ephemeris| self.add_glonass(ephemeris));
+        let (mine, terms) = (&mut self.file.ionosphere, file.ionosphere);
+        mine.gps = mine.gps.or(terms.gps);
+        mine.beidou = mine.beidou.or(terms.beidou);
+        mine.galileo = mine.galileo.or(terms.galileo);
+        self.file.leap_seconds = self.file.leap_seconds.or(file.leap_seconds);
     }
 
     /// Whether there is no ephemeris.
