@@ -113,9 +113,13 @@ impl PhonePipeline {
         self.process_prepared(epoch.time_gps, &prepared)
     }
 
-    /// Processes one epoch of a recording with satellite states and corrections of its own, taking these.
+    /// Processes one epoch of a recording with satellite states and corrections of its own, which are taken if the options say so.
     pub fn process_recorded(&mut self, epoch: &DerivedEpoch) -> EpochMessage {
-        let prepared = epoch.prepare(&mut self.corrector);
+        let prepared = if self.options.recorded_corrections {
+            epoch.prepare(&mut self.corrector)
+        } else {
+            epoch.prepare_with_products(&mut self.corrector)
+        };
         self.process_prepared(epoch.time_gps, &prepared)
     }
 

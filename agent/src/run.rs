@@ -194,7 +194,7 @@ impl Work<'_> {
             let is_first = self.publication.published() == 0;
             note_shortcomings(epoch.time_gps, is_first, &self.products, &mut self.shortcomings);
             let recorded = opened.records().and_then(|records| records.decoder().recorded_corrections());
-            let message = match recorded.filter(|_| self.config.pipeline.recorded_corrections) {
+            let message = match recorded {
                 Some(recorded) => self.pipeline.process_recorded(recorded),
                 None => self.pipeline.process(&epoch),
             };

@@ -73,16 +73,13 @@ struct Drive {
 
 /// Runs the pipeline over a table, with its own corrections or with products.
 fn drive(table: &tempfile::NamedTempFile, products: Products, recorded: bool) -> Drive {
-    let mut pipeline = PhonePipeline::new("pixel4", Arc::new(products), PipelineOptions::default());
+    let options = PipelineOptions { recorded_corrections: recorded, ..PipelineOptions::default() };
+    let mut pipeline = PhonePipeline::new("pixel4", Arc::new(products), options);
     let mut records = open_file(table.path(), &Reading::default()).unwrap();
     let (mut wls, mut local, mut times) = (Vec::new(), Vec::new(), Vec::new());
     while let Some(record) = records.next(&Stop::default()).unwrap() {
         let Record::Epoch(epoch) = record else { continue };
-        let message = if recorded {
-            pipeline.process_recorded(records.decoder().recorded_corrections().unwrap())
-        } else {
-            pipeline.process(&epoch)
-        };
+        let message = pipeline.process_recorded(records.decoder().recorded_corrections().unwrap());
         let time_gps = message.time_gps;
         assert_eq!(time_gps, epoch.time_gps);
         times.push(time_gps);
@@ -127,4 +124,6 @@ fn a_drive_on_nothing_but_its_table() {
     let other = drive(&table, products, false);
     let (wls, local) = (percentiles(&truth, &other, &other.wls), percentiles(&truth, &other, &other.local));
     println!("our corrections: wls {wls:.3?}, local {local:.3?}; {}", other.skips);
+    assert!(wls.0 <= 2.7 && wls.1 <= 7.7, "{wls:?}");
+    assert!(local.0 <= 2.5 && local.1 <= 7.5, "{local:?}");
 }

@@ -77,6 +77,13 @@ impl DerivedEpoch {
         prepared.extend(corrector.prepare(&others));
         prepared
     }
+
+    /// The observations with the corrector's products. Of the table only the phone's own uncertainties are taken, for want of
+    /// C/N0.
+    pub fn prepare_with_products(&self, corrector: &mut Corrector) -> Vec<PreparedObservation> {
+        let code_sigma_m = |index: usize| self.observations.get(index)?.given?.code_sigma_m;
+        corrector.prepare_weighted(&self.to_observations(), code_sigma_m)
+    }
 }
 
 /// A whole table.

@@ -79,6 +79,8 @@ pub struct PreparedObservation {
     pub(super) satellite_variance_m2: f64,
     /// Variance of what this signal has alone, beside its noise, m².
     pub(super) signal_variance_m2: f64,
+    /// Standard deviation of the code by the receiver, m; used where there is no C/N0 for the model.
+    pub(super) code_sigma_m: Option<f64>,
     /// What the recording itself states.
     pub(super) stated: Option<GivenCorrections>,
     /// Of an ionosphere-free pair: the other signal.
@@ -103,9 +105,19 @@ impl Corrector {
 
     /// Satellite states and position-free corrections of one epoch; what cannot be used is counted.
     pub fn prepare(&mut self, epoch: &ObservationEpoch) -> Vec<PreparedObservation> {
+        self.prepare_weighted(epoch, |_| None)
+    }
+
+    /// The same where the receiver says how good its codes are: `code_sigma_m` gives the standard deviation of the
+    /// observation at an index, m, which stands in for the stochastic model where there is no C/N0.
+    pub fn prepare_weighted(
+        &mut self,
+        epoch: &ObservationEpoch,
+        code_sigma_m: impl Fn(usize) -> Option<f64>,
+    ) -> Vec<PreparedObservation> {
         let mut prepared = Vec::with_capacity(epoch.observations.len());
         let mut last: Option<PreparedState> = None;
-        for observation in &epoch.observations {
+        for (index, observation) in epoch.observations.iter().enumerate() {
             let Some(pseudorange_m) = observation.pseudorange_m else { continue };
             if self.is_weak(observation, epoch.time_gps) {
                 continue;
@@ -124,7 +136,8 @@ impl Corrector {
                 });
                 continue;
             };
-            prepared.push(self.combine(observation, frequency_hz, pseudorange_m, &state));
+            let combined = self.combine(observation, frequency_hz, pseudorange_m, &state);
+            prepared.push(PreparedObservation { code_sigma_m: code_sigma_m(index), ..combined });
         }
         self.pairs(prepared)
     }
@@ -222,6 +235,7 @@ impl Corrector {
             satellite_variance_m2: state.sigma_m.powi(2) + self.beidou_variance_m2(observation),
             signal_variance_m2: self.glonass_variance_m2(observation)
                 + if group_delay_m.is_none() { unknown_m * unknown_m } else { 0.0 },
+            code_sigma_m: None,
             stated: None,
             second: None,
         }
@@ -360,9 +374,8 @@ impl View {
         };
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
-        let stated_sigma_m = prepared.stated.and_then(|stated| stated.code_sigma_m);
-        let signal_m2 =
-            self.code_variance_m2(cn0_dbhz, stated_sigma_m, elevation_rad) + prepared.signal_variance_m2;
+        let signal_m2 = self.code_variance_m2(cn0_dbhz, prepared.code_sigma_m, elevation_rad)
+            + prepared.signal_variance_m2;
         let signals_m2 = prepared.second.map_or(signal_m2, |second| {
             let noise_m2 = self.code_variance_m2(second.cn0_dbhz, second.code_sigma_m, elevation_rad);
             second.variance_m2(signal_m2, noise_m2)

@@ -55,6 +55,7 @@ impl Corrector {
             velocity: given.satellite_velocity,
             satellite_variance_m2: given.sigma_m.powi(2) + self.beidou_variance_m2(observation),
             signal_variance_m2: self.glonass_variance_m2(observation),
+            code_sigma_m: given.code_sigma_m,
             stated: Some(*given),
             second: None,
         })

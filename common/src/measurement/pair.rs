@@ -60,7 +60,7 @@ pub(super) struct Second {
     factor: f64,
     /// Its strength, dB-Hz.
     pub(super) cn0_dbhz: Option<f64>,
-    /// Its standard deviation as the recording states it, m.
+    /// Its standard deviation by the receiver, m.
     pub(super) code_sigma_m: Option<f64>,
     /// Variance of what it has alone, beside its noise, m².
     signal_variance_m2: f64,
@@ -144,7 +144,7 @@ fn pair(
             pair: name,
             factor,
             cn0_dbhz: second.observation.cn0_dbhz,
-            code_sigma_m: second.stated.and_then(|stated| stated.code_sigma_m),
+            code_sigma_m: second.code_sigma_m,
             signal_variance_m2: second.signal_variance_m2,
         }),
         ..first.clone()
