@@ -17,6 +17,8 @@ use cofix_common::solve::{PointSolution, SolveError, solve_position, solve_veloc
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
 
+use crate::stream::StreamDecoder;
+
 /// An epoch-wise position further than this from the last one is solved again from its own corrections, m.
 const RECORRECT_M: f64 = 1_000.0;
 /// How often at most.
@@ -121,6 +123,14 @@ impl PhonePipeline {
             epoch.prepare_with_products(&mut self.corrector)
         };
         self.process_prepared(epoch.time_gps, &prepared)
+    }
+
+    /// Processes the epoch that `decoder` gave last, with what else it knows of it.
+    pub fn process_last(&mut self, epoch: &ObservationEpoch, decoder: &StreamDecoder) -> EpochMessage {
+        match decoder.recorded_corrections() {
+            Some(recorded) => self.process_recorded(recorded),
+            None => self.process(epoch),
+        }
     }
 
     fn process_prepared(&mut self, time_gps: GpsTime, prepared: &[PreparedObservation]) -> EpochMessage {

@@ -193,9 +193,8 @@ impl Work<'_> {
             self.hear(epoch.time_gps)?;
             let is_first = self.publication.published() == 0;
             note_shortcomings(epoch.time_gps, is_first, &self.products, &mut self.shortcomings);
-            let recorded = opened.records().and_then(|records| records.decoder().recorded_corrections());
-            let message = match recorded {
-                Some(recorded) => self.pipeline.process_recorded(recorded),
+            let message = match opened.records() {
+                Some(records) => self.pipeline.process_last(&epoch, records.decoder()),
                 None => self.pipeline.process(&epoch),
             };
             self.publication.epoch(&message)?;

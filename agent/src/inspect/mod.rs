@@ -137,7 +137,7 @@ fn trial(
     let mut records = source::open_file(path, reading)?;
     while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
         if let Record::Epoch(epoch) = record {
-            running.epoch(&epoch);
+            running.epoch(&epoch, &records);
         }
     }
     Ok(running.end())

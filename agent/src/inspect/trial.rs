@@ -11,6 +11,7 @@ use cofix_common::skips::Skips;
 use serde::Serialize;
 
 use crate::pipeline::{PhonePipeline, PipelineOptions};
+use crate::records::Records;
 
 /// Counts of a run of the pipeline over all epochs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -40,8 +41,9 @@ impl Running {
         Self { pipeline, counts: Trial::default() }
     }
 
-    pub(super) fn epoch(&mut self, epoch: &ObservationEpoch) {
-        let message = self.pipeline.process(epoch);
+    /// The epoch that `records` gave last.
+    pub(super) fn epoch(&mut self, epoch: &ObservationEpoch, records: &Records) {
+        let message = self.pipeline.process_last(epoch, records.decoder());
         let counts = &mut self.counts;
         counts.solved += u64::from(message.wls.is_some());
         counts.reliable += u64::from(message.raim.verdict == Verdict::Reliable);
