@@ -42,11 +42,7 @@ fn damage(bytes: &mut Vec<u8>, other: &[u8], random: &mut impl Rng) {
         0 => bytes.truncate(at),
         1 => drop(bytes.drain(at..end)),
         2 => flip(bytes, at, random),
-        3 => {
-            drop(
-                bytes.splice(at..at, (0..length(random)).map(|_| random.random::<u8>()).collect::<Vec<_>>()),
-            );
-        }
+        3 => noise(bytes, at, random),
         4 => repeat(bytes, at, end, random),
         5 => splice(bytes, other, at, random),
         6 => drop(bytes.splice(at..at, *b"\r\n")),
@@ -66,6 +62,11 @@ fn flip(bytes: &mut [u8], at: usize, random: &mut impl Rng) {
     if let Some(byte) = bytes.get_mut(at) {
         *byte = if random.random() { *byte ^ 1 << random.random_range(0..8) } else { random.random() };
     }
+}
+
+fn noise(bytes: &mut Vec<u8>, at: usize, random: &mut impl Rng) {
+    let new: Vec<u8> = (0..length(random)).map(|_| random.random()).collect();
+    bytes.splice(at..at, new);
 }
 
 /// Repeats a part, now and then until it is longer than any line may be.
