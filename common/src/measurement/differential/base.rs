@@ -9,6 +9,9 @@ use crate::orbit::{Products, SatelliteState};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
+/// When half of a base's corrections are larger than this, it is not where it is said to be, m. What models leave is smaller.
+const CONTRADICTION_M: f64 = 30.0;
+
 /// One epoch of a base. Its corrections are computed when they are first asked for.
 #[derive(Clone, Debug)]
 pub(super) struct BaseEpoch {
@@ -112,7 +115,20 @@ fn compute(
             });
         }
     }
+    if contradicts(&corrections) {
+        skips.add(
+            "base's pseudoranges contradict its position, epoch not used: is the position right?",
+            || format!("{}: half of them are more than {CONTRADICTION_M} m off", epoch.time_gps),
+        );
+        corrections.clear();
+    }
     corrections
+}
+
+/// Whether the base cannot be where it is said to be.
+fn contradicts(corrections: &[BaseCorrection]) -> bool {
+    let off = corrections.iter().filter(|c| c.correction_m.abs() > CONTRADICTION_M).count();
+    2 * off > corrections.len()
 }
 
 impl BaseCorrection {
