@@ -201,7 +201,14 @@ impl Feed {
                 }
             }
         }
-        self.skips
+        std::mem::take(&mut self.skips)
+    }
+}
+
+impl Drop for Feed {
+    /// A run may fail before it comes to its end.
+    fn drop(&mut self) {
+        self.stop.request();
     }
 }
 

@@ -12,6 +12,9 @@ use crate::time::GpsTime;
 /// When half of a base's corrections are larger than this, it is not where it is said to be, m. What models leave is smaller.
 const CONTRADICTION_M: f64 = 30.0;
 
+/// Signals of a constellation and band that a correction needs at least.
+const FEWEST_FELLOWS: usize = 2;
+
 /// One epoch of a base. Its corrections are computed when they are first asked for.
 #[derive(Clone, Debug)]
 pub(super) struct BaseEpoch {
@@ -89,6 +92,10 @@ fn compute(
     let mut corrections = Vec::with_capacity(observations.len());
     for group in groups {
         let fellows: Vec<_> = observations.iter().filter(|o| o.clock_group() == group).collect();
+        // One alone says nothing: its error and the base's clock are the same to it.
+        if fellows.len() < FEWEST_FELLOWS {
+            continue;
+        }
         let left = |o: &CorrectedObservation| o.pseudorange_m - o.satellite_position.distance_m(position);
         let values: Vec<_> = fellows.iter().map(|o| (left(o), o.pseudorange_sigma_m)).collect();
         let Some((clock_m, outliers)) = common(&values, options.outlier_sigmas) else { continue };
