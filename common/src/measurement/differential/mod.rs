@@ -45,7 +45,6 @@ use crate::frames::Ecef;
 use crate::gnss::ObservationEpoch;
 use crate::orbit::Products;
 use crate::skips::Skips;
-use crate::time::GpsTime;
 
 /// Epochs of a base that are kept at most.
 const MOST_EPOCHS: usize = 1_000;
