@@ -266,16 +266,29 @@ fn the_nearest_base_with_a_fresh_epoch_serves() {
     let world = World::new(208_800.0, 12.0);
     let options = DifferentialOptions { maximum_age_s: 5.0, ..DifferentialOptions::default() };
     let mut differential = world.differential(options);
-    // One far off that would spoil everything, were it used, and one near that falls silent.
+    // One whose position is wrong by 20 m and farther off, and one near that falls silent.
     let SimulatedEpoch { epoch, truth, .. } = &world.base[0];
     differential.add(1, epoch.clone(), truth.position);
-    let far = Ecef(truth.position.0 * (1.0 + 1e-2));
-    for SimulatedEpoch { epoch, .. } in &world.base {
-        differential.add(0, epoch.clone(), far);
+    let away = (truth.position - world.rover[0].truth.position).0.normalize();
+    for SimulatedEpoch { epoch, truth, .. } in &world.base {
+        differential.add(0, epoch.clone(), Ecef(truth.position.0 + 20.0 * away));
     }
     let (observations, _) = world.apply(&mut differential, 3);
     assert!(world.error_m(3, &observations) < 0.1);
     let (observations, applied) = world.apply(&mut differential, 8);
     assert_eq!(applied.counts.too_old, 0);
-    assert!(world.error_m(8, &observations) > 100.0, "the other one's position is wrong by kilometres");
+    assert!((world.error_m(8, &observations) - 20.0).abs() < 0.1, "the other one's error is ours");
+}
+
+#[test]
+fn a_base_that_is_elsewhere_is_not_used() {
+    let world = World::new(208_800.0, 2.0);
+    let mut differential = world.differential(DifferentialOptions::default());
+    let SimulatedEpoch { epoch, truth, .. } = &world.base[1];
+    differential.add(0, epoch.clone(), Ecef(truth.position.0 * 1.000_1));
+    let (observations, applied) = world.apply(&mut differential, 1);
+    assert_eq!(observations, world.observations(1));
+    assert_eq!(applied.counts.missing, observations.len() as u64);
+    let skips = differential.skips();
+    assert!(skips.iter().any(|(reason, _)| reason.contains("contradict its position")), "{skips}");
 }

@@ -10,6 +10,7 @@
 mod inbox;
 mod recorded;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -101,6 +102,8 @@ pub(crate) struct Feed {
     base_position: Option<Ecef>,
     rover: RoverPosition,
     stop: Stop,
+    /// Bases whose place has been told to the user.
+    introduced: BTreeSet<usize>,
     skips: Skips,
 }
 
@@ -133,7 +136,8 @@ impl Feed {
                 }
             });
         }
-        Ok(Self { inputs, base_position: corrections.base_position, rover, stop, skips: Skips::default() })
+        let base_position = corrections.base_position;
+        Ok(Self { inputs, base_position, rover, stop, introduced: BTreeSet::new(), skips: Skips::default() })
     }
 
     /// Waits until every live source has brought a base's epoch or ended, but not longer than `patience`: a recording does
@@ -160,7 +164,12 @@ impl Feed {
             for Arrived { record, station } in arrived {
                 let Some(epoch) = news.navigation.take(record) else { continue };
                 match self.base_position.or(station) {
-                    Some(position) => news.bases.push((base, epoch, position)),
+                    Some(position) => {
+                        if self.introduced.insert(base) {
+                            introduce(base, position, self.base_position.is_some());
+                        }
+                        news.bases.push((base, epoch, position));
+                    }
                     None => self.skips.add(
                         "base epoch without a position of the base, not used: --base-position gives one",
                         || epoch.time_gps.to_string(),
@@ -192,8 +201,28 @@ impl Feed {
                 }
             }
         }
-        self.skips
+        std::mem::take(&mut self.skips)
     }
+}
+
+impl Drop for Feed {
+    /// A run may fail before it comes to its end.
+    fn drop(&mut self) {
+        self.stop.request();
+    }
+}
+
+/// Says where a base is taken to be: errors there are errors of the rover.
+fn introduce(base: usize, position: Ecef, is_given: bool) {
+    let place = position.ecef_to_geodetic();
+    let by = if is_given { "as given" } else { "as its stream states" };
+    tracing::info!(
+        "corrections {}: a base at {:.7}°, {:.7}°, {:.2} m above the ellipsoid, {by}",
+        base + 1,
+        place.latitude_deg(),
+        place.longitude_deg(),
+        place.height_m
+    );
 }
 
 /// A record, and where its stream says that the station is.

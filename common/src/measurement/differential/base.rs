@@ -9,6 +9,12 @@ use crate::orbit::{Products, SatelliteState};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
+/// When half of a base's corrections are larger than this, it is not where it is said to be, m. What models leave is smaller.
+const CONTRADICTION_M: f64 = 30.0;
+
+/// Signals of a constellation and band that a correction needs at least.
+const FEWEST_FELLOWS: usize = 2;
+
 /// One epoch of a base. Its corrections are computed when they are first asked for.
 #[derive(Clone, Debug)]
 pub(super) struct BaseEpoch {
@@ -86,6 +92,10 @@ fn compute(
     let mut corrections = Vec::with_capacity(observations.len());
     for group in groups {
         let fellows: Vec<_> = observations.iter().filter(|o| o.clock_group() == group).collect();
+        // One alone says nothing: its error and the base's clock are the same to it.
+        if fellows.len() < FEWEST_FELLOWS {
+            continue;
+        }
         let left = |o: &CorrectedObservation| o.pseudorange_m - o.satellite_position.distance_m(position);
         let values: Vec<_> = fellows.iter().map(|o| (left(o), o.pseudorange_sigma_m)).collect();
         let Some((clock_m, outliers)) = common(&values, options.outlier_sigmas) else { continue };
@@ -112,7 +122,20 @@ fn compute(
             });
         }
     }
+    if contradicts(&corrections) {
+        skips.add(
+            "base's pseudoranges contradict its position, epoch not used: is the position right?",
+            || format!("{}: half of them are more than {CONTRADICTION_M} m off", epoch.time_gps),
+        );
+        corrections.clear();
+    }
     corrections
+}
+
+/// Whether the base cannot be where it is said to be.
+fn contradicts(corrections: &[BaseCorrection]) -> bool {
+    let off = corrections.iter().filter(|c| c.correction_m.abs() > CONTRADICTION_M).count();
+    2 * off > corrections.len()
 }
 
 impl BaseCorrection {

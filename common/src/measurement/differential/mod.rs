@@ -32,25 +32,22 @@
 //! *Not* sound: corrections of different epochs of a base are correlated in time (multipath at the base), which nobody downstream knows.
 //! Classical references: RTCM 10402.3 (message 1); Kaplan and Hegarty, Understanding GPS/GNSS, chapter 12.
 
+mod apply;
 mod base;
 mod clock;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use self::base::{BaseCorrection, BaseEpoch};
+use self::base::BaseEpoch;
 use super::{CorrectedObservation, CorrectionOptions, Corrector, VarianceModel};
-use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::Ecef;
 use crate::gnss::ObservationEpoch;
 use crate::orbit::Products;
 use crate::skips::Skips;
-use crate::time::GpsTime;
 
 /// Epochs of a base that are kept at most.
 const MOST_EPOCHS: usize = 1_000;
-/// A satellite that a base's last epoch lacks is looked for in so many before it.
-const LOOK_BACK: usize = 3;
 
 /// What the differential corrections may be told.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -191,167 +188,4 @@ impl Differential {
         all.merge(&self.corrector.skips().with_prefix("base: "));
         all
     }
-
-    /// Corrects the observations of an epoch that were made for a rover at `rover`. Of the bases with a fresh epoch the nearest serves.
-    pub fn apply(
-        &mut self,
-        observations: &mut Vec<CorrectedObservation>,
-        rover: Ecef,
-        time_gps: GpsTime,
-    ) -> Applied {
-        let mut applied = Applied::default();
-        let Some((base, newest)) = self.choose(rover, time_gps) else {
-            self.count_stale(observations, time_gps, &mut applied);
-            return applied;
-        };
-        let found: Vec<Found> =
-            observations.iter().map(|observation| self.find(base, newest, observation, time_gps)).collect();
-        let any = found.iter().any(|found| matches!(found, Found::Corrected { .. }));
-        let mut found = found.into_iter();
-        observations.retain_mut(|observation| {
-            let found = found.next().unwrap_or(Found::Missing);
-            self.settle(observation, found, (rover, time_gps), any, &mut applied)
-        });
-        applied
-    }
-
-    /// The base to use, and its epoch: of those with one that is not too old, the nearest; its last one that is not later than
-    /// the rover's, or the next one after.
-    fn choose(&self, rover: Ecef, time_gps: GpsTime) -> Option<(usize, usize)> {
-        let fresh = self.bases.iter().enumerate().filter_map(|(base, epochs)| {
-            let later = epochs.partition_point(|epoch| epoch.time_gps() <= time_gps);
-            let newest = later.saturating_sub(1);
-            let epoch = epochs.get(newest)?;
-            let age_s = (time_gps - epoch.time_gps()).abs();
-            let distance_m = epoch.position().distance_m(rover);
-            (age_s <= self.options.maximum_age_s).then_some((distance_m, base, newest))
-        });
-        fresh.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, base, newest)| (base, newest))
-    }
-
-    fn count_stale(&self, observations: &[CorrectedObservation], time_gps: GpsTime, applied: &mut Applied) {
-        let count = observations.len() as u64;
-        let last = self.bases.iter().flatten().map(BaseEpoch::time_gps).max();
-        let Some(last) = last else {
-            applied.counts.missing = count;
-            applied.skips.add("epoch without corrections, used uncorrected", || format!("{time_gps}"));
-            return;
-        };
-        applied.counts.too_old = count;
-        applied.skips.add("epoch whose corrections are too old, used uncorrected", || {
-            format!("{time_gps}: {:.1} s, the limit is {} s", time_gps - last, self.options.maximum_age_s)
-        });
-    }
-
-    /// Looks for the correction of one observation.
-    fn find(
-        &mut self,
-        base: usize,
-        newest: usize,
-        observation: &CorrectedObservation,
-        time_gps: GpsTime,
-    ) -> Found {
-        let oldest = newest.saturating_sub(LOOK_BACK);
-        let mut other = None;
-        for at in (oldest..=newest).rev() {
-            let Some(epoch) = self.bases.get_mut(base).and_then(|epochs| epochs.get_mut(at)) else {
-                continue;
-            };
-            let age_s = (time_gps - epoch.time_gps()).abs();
-            if age_s > self.options.maximum_age_s {
-                break;
-            }
-            let position = epoch.position();
-            let corrections = epoch.corrections(&mut self.corrector, &self.options, &mut self.skips);
-            let of_band = |c: &&BaseCorrection| {
-                c.satellite == observation.satellite && c.signal.band == observation.signal.band
-            };
-            let same = corrections.iter().filter(of_band).find(|c| c.signal == observation.signal);
-            let found = |correction: &BaseCorrection, other_code| Found::Corrected {
-                correction: *correction,
-                position,
-                age_s,
-                other_code,
-            };
-            match same {
-                Some(correction) if correction.is_refused => return Found::Refused,
-                Some(correction) => return found(correction, false),
-                None => {
-                    let of_other_code = corrections.iter().filter(of_band).find(|c| !c.is_refused);
-                    other = other.or_else(|| of_other_code.map(|correction| found(correction, true)));
-                }
-            }
-        }
-        other.unwrap_or(Found::Missing)
-    }
-
-    /// Applies what was found; whether the observation stays.
-    fn settle(
-        &self,
-        observation: &mut CorrectedObservation,
-        found: Found,
-        (rover, time_gps): (Ecef, GpsTime),
-        any: bool,
-        applied: &mut Applied,
-    ) -> bool {
-        let name = || format!("{} {} at {time_gps}", observation.satellite, observation.signal);
-        match found {
-            Found::Corrected { correction, position, age_s, other_code } => {
-                let code = self.correction.stochastic.code;
-                let code_m2 = code.variance(observation.cn0_dbhz, observation.direction.elevation_rad);
-                let elevation_sine = observation.direction.elevation_rad.sin().max(0.1);
-                let distance_m = position.distance_m(rover);
-                let mut variance_m2 = code_m2
-                    + correction.variance_m2
-                    + (self.options.age_sigma_mps * age_s).powi(2)
-                    + (self.options.distance_sigma * distance_m / elevation_sine).powi(2);
-                if other_code {
-                    applied.counts.other_code += 1;
-                    variance_m2 += self.options.other_code_sigma_m.powi(2);
-                    applied.skips.add("corrected with another code of the same band", || {
-                        format!("{}, by {}", name(), correction.signal)
-                    });
-                } else {
-                    applied.counts.corrected += 1;
-                }
-                let sent = time_gps + -(observation.pseudorange_m / SPEED_OF_LIGHT_MPS);
-                let change_m = correction.change_of_message_m(&self.products, sent, position);
-                observation.pseudorange_m -= correction.correction_m + change_m;
-                observation.pseudorange_sigma_m = variance_m2.sqrt();
-                true
-            }
-            Found::Refused => {
-                applied.counts.refused += 1;
-                applied.skips.add("base's value refused, observation dropped", name);
-                false
-            }
-            Found::Missing => {
-                applied.counts.missing += 1;
-                match self.options.uncorrected {
-                    Uncorrected::Dropped if any => {
-                        applied.skips.add("observation without a correction, dropped", name);
-                        false
-                    }
-                    Uncorrected::Kept { sigma_m } if any => {
-                        let reason = "observation without a correction, used with a larger sigma";
-                        applied.skips.add(reason, name);
-                        observation.pseudorange_sigma_m = observation.pseudorange_sigma_m.hypot(sigma_m);
-                        true
-                    }
-                    _ => {
-                        applied.skips.add("observation without a correction, used uncorrected", name);
-                        true
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// What the bases know about one observation.
-#[derive(Clone, Copy, Debug)]
-enum Found {
-    Corrected { correction: BaseCorrection, position: Ecef, age_s: f64, other_code: bool },
-    Refused,
-    Missing,
 }

@@ -1,0 +1,192 @@
+//! Base corrections to the rover's observations.
+
+use super::base::{BaseCorrection, BaseEpoch};
+use super::{Applied, CorrectedObservation, Differential, Uncorrected};
+use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::frames::Ecef;
+use crate::time::GpsTime;
+
+/// A satellite that a base's last epoch lacks is looked for in so many before it.
+const LOOK_BACK: usize = 3;
+/// Elevations below this (sine) count as this: 1/sin e has no bound.
+const LOWEST_SINE: f64 = 0.1;
+
+/// What the bases know about one observation.
+#[derive(Clone, Copy, Debug)]
+enum Found {
+    Corrected(FoundCorrection),
+    Refused,
+    Missing,
+}
+
+/// A base's correction of an observation.
+#[derive(Clone, Copy, Debug)]
+struct FoundCorrection {
+    correction: BaseCorrection,
+    /// Where the base is.
+    position: Ecef,
+    age_s: f64,
+    /// It is of another code on the same band.
+    is_other_code: bool,
+}
+
+impl Differential {
+    /// Corrects the observations of an epoch that were made for a rover at `rover`. Of the bases with a fresh epoch the nearest serves.
+    pub fn apply(
+        &mut self,
+        observations: &mut Vec<CorrectedObservation>,
+        rover: Ecef,
+        time_gps: GpsTime,
+    ) -> Applied {
+        let mut applied = Applied::default();
+        let Some((base, newest)) = self.choose(rover, time_gps) else {
+            self.count_stale(observations, time_gps, &mut applied);
+            return applied;
+        };
+        let found: Vec<Found> =
+            observations.iter().map(|observation| self.find(base, newest, observation, time_gps)).collect();
+        let any = found.iter().any(|found| matches!(found, Found::Corrected(_)));
+        let mut found = found.into_iter();
+        observations.retain_mut(|observation| {
+            let found = found.next().unwrap_or(Found::Missing);
+            self.settle(observation, found, (rover, time_gps), any, &mut applied)
+        });
+        applied
+    }
+
+    /// The base to use, and its epoch: of those with one that is not too old, the nearest; its last one that is not later than
+    /// the rover's, or the next one after.
+    fn choose(&self, rover: Ecef, time_gps: GpsTime) -> Option<(usize, usize)> {
+        let fresh = self.bases.iter().enumerate().filter_map(|(base, epochs)| {
+            let later = epochs.partition_point(|epoch| epoch.time_gps() <= time_gps);
+            let newest = later.saturating_sub(1);
+            let epoch = epochs.get(newest)?;
+            let age_s = (time_gps - epoch.time_gps()).abs();
+            let distance_m = epoch.position().distance_m(rover);
+            (age_s <= self.options.maximum_age_s).then_some((distance_m, base, newest))
+        });
+        fresh.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, base, newest)| (base, newest))
+    }
+
+    fn count_stale(&self, observations: &[CorrectedObservation], time_gps: GpsTime, applied: &mut Applied) {
+        let count = observations.len() as u64;
+        let last = self.bases.iter().flatten().map(BaseEpoch::time_gps).max();
+        let Some(last) = last else {
+            applied.counts.missing = count;
+            applied.skips.add("epoch without corrections, used uncorrected", || format!("{time_gps}"));
+            return;
+        };
+        applied.counts.too_old = count;
+        applied.skips.add("epoch whose corrections are too old, used uncorrected", || {
+            format!("{time_gps}: {:.1} s, the limit is {} s", time_gps - last, self.options.maximum_age_s)
+        });
+    }
+
+    /// Looks for the correction of one observation.
+    fn find(
+        &mut self,
+        base: usize,
+        newest: usize,
+        observation: &CorrectedObservation,
+        time_gps: GpsTime,
+    ) -> Found {
+        let oldest = newest.saturating_sub(LOOK_BACK);
+        let mut other = None;
+        for at in (oldest..=newest).rev() {
+            let Some(epoch) = self.bases.get_mut(base).and_then(|epochs| epochs.get_mut(at)) else {
+                continue;
+            };
+            let age_s = (time_gps - epoch.time_gps()).abs();
+            if age_s > self.options.maximum_age_s {
+                break;
+            }
+            let position = epoch.position();
+            let corrections = epoch.corrections(&mut self.corrector, &self.options, &mut self.skips);
+            let of_band = |c: &&BaseCorrection| {
+                c.satellite == observation.satellite && c.signal.band == observation.signal.band
+            };
+            let same = corrections.iter().filter(of_band).find(|c| c.signal == observation.signal);
+            let found = |correction: &BaseCorrection, is_other_code| {
+                Found::Corrected(FoundCorrection { correction: *correction, position, age_s, is_other_code })
+            };
+            match same {
+                Some(correction) if correction.is_refused => return Found::Refused,
+                Some(correction) => return found(correction, false),
+                None => {
+                    let of_other_code = corrections.iter().filter(of_band).find(|c| !c.is_refused);
+                    other = other.or_else(|| of_other_code.map(|correction| found(correction, true)));
+                }
+            }
+        }
+        other.unwrap_or(Found::Missing)
+    }
+
+    /// Applies what was found; whether the observation stays.
+    fn settle(
+        &self,
+        observation: &mut CorrectedObservation,
+        found: Found,
+        (rover, time_gps): (Ecef, GpsTime),
+        any: bool,
+        applied: &mut Applied,
+    ) -> bool {
+        let (satellite, signal) = (observation.satellite, observation.signal);
+        let name = || format!("{satellite} {signal} at {time_gps}");
+        match found {
+            Found::Corrected(found) => {
+                if found.is_other_code {
+                    applied.counts.other_code += 1;
+                    applied.skips.add("corrected with another code of the same band", || {
+                        format!("{}, by {}", name(), found.correction.signal)
+                    });
+                } else {
+                    applied.counts.corrected += 1;
+                }
+                self.correct(observation, &found, rover, time_gps);
+                true
+            }
+            Found::Refused => {
+                applied.counts.refused += 1;
+                applied.skips.add("base's value refused, observation dropped", name);
+                false
+            }
+            Found::Missing => {
+                applied.counts.missing += 1;
+                let (reason, stays) = match self.options.uncorrected {
+                    _ if !any => ("observation without a correction, used uncorrected", true),
+                    Uncorrected::Dropped => ("observation without a correction, dropped", false),
+                    Uncorrected::Kept { sigma_m } => {
+                        observation.pseudorange_sigma_m = observation.pseudorange_sigma_m.hypot(sigma_m);
+                        ("observation without a correction, used with a larger sigma", true)
+                    }
+                };
+                applied.skips.add(reason, name);
+                stays
+            }
+        }
+    }
+
+    /// Takes the correction off, and puts the variances of rover's and base's code, of age and distance in the place of those of models.
+    fn correct(
+        &self,
+        observation: &mut CorrectedObservation,
+        found: &FoundCorrection,
+        rover: Ecef,
+        time_gps: GpsTime,
+    ) {
+        let FoundCorrection { correction, position, age_s, is_other_code } = found;
+        let options = &self.options;
+        let elevation_rad = observation.direction.elevation_rad;
+        let slant_m = position.distance_m(rover) / elevation_rad.sin().max(LOWEST_SINE);
+        let other_code_m = if *is_other_code { options.other_code_sigma_m } else { 0.0 };
+        let variance_m2 = self.correction.stochastic.code.variance(observation.cn0_dbhz, elevation_rad)
+            + correction.variance_m2
+            + (options.age_sigma_mps * age_s).powi(2)
+            + (options.distance_sigma * slant_m).powi(2)
+            + other_code_m.powi(2);
+        let sent = time_gps + -(observation.pseudorange_m / SPEED_OF_LIGHT_MPS);
+        let change_m = correction.change_of_message_m(&self.products, sent, *position);
+        observation.pseudorange_m -= correction.correction_m + change_m;
+        observation.pseudorange_sigma_m = variance_m2.sqrt();
+    }
+}
