@@ -170,13 +170,11 @@ pub fn msm4(number: u64, epoch_time: u64, satellites: &[u8], rough_ms: u64) -> V
     put(satellites.iter().map(|satellite| 1 << (64 - satellite)).sum(), 64);
     put(1 << 30, 32); // signal 2: C/A
     put((1 << satellites.len()) - 1, u32::try_from(satellites.len()).unwrap());
-    satellites.iter().for_each(|_| put(rough_ms, 8));
-    satellites.iter().for_each(|_| put(512, 10));
-    satellites.iter().for_each(|_| put(100, 15));
-    satellites.iter().for_each(|_| put(200, 22));
-    satellites.iter().for_each(|_| put(9, 4));
-    satellites.iter().for_each(|_| put(0, 1));
-    satellites.iter().for_each(|_| put(45, 6));
+    for (value, count) in [(rough_ms, 8), (512, 10), (100, 15), (200, 22), (9, 4), (0, 1), (45, 6)] {
+        for _ in satellites {
+            put(value, count);
+        }
+    }
     bits.chunks(8)
         .map(|byte| (0..8).fold(0, |sum, place| sum << 1 | u8::from(byte.get(place) == Some(&true))))
         .collect()
