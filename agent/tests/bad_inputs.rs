@@ -79,16 +79,16 @@ impl Bench {
         let again = ObservationFile::parse(&std::fs::read(&output).unwrap()).unwrap();
         assert_eq!(again.epochs.len() as u64, epochs, "{what}: {}", again.skips);
     }
+}
 
-    /// The error of a file that cannot be used; it names the file.
-    fn refused(what: &str, path: &Path) -> String {
-        let error = inspect(path, &options(), &Stop::default()).unwrap_err().to_string();
-        assert!(error.contains(&path.display().to_string()), "{what}: {error}");
-        let source = Source::DatedFile { path: path.to_owned(), near: near() };
-        let surveyed = survey(&source, &Reading::default(), &Stop::default()).unwrap_err().to_string();
-        assert_eq!(surveyed, error, "{what}");
-        error
-    }
+/// The error of a file that cannot be used; it names the file.
+fn refused(what: &str, path: &Path) -> String {
+    let error = inspect(path, &options(), &Stop::default()).unwrap_err().to_string();
+    assert!(error.contains(&path.display().to_string()), "{what}: {error}");
+    let source = Source::DatedFile { path: path.to_owned(), near: near() };
+    let surveyed = survey(&source, &Reading::default(), &Stop::default()).unwrap_err().to_string();
+    assert_eq!(surveyed, error, "{what}");
+    error
 }
 
 #[test]
@@ -144,7 +144,7 @@ fn wrong_versions_are_refused_with_what_is_read() {
         let recording = named(format);
         let text = String::from_utf8(recording.bytes()).unwrap().replacen(from, to, 1);
         let path = bench.file("wrong version", text.as_bytes());
-        let error = Bench::refused(format, &path);
+        let error = refused(format, &path);
         assert!(error.contains("version"), "{format}: {error}");
     }
 }
@@ -296,9 +296,9 @@ fn absurd_times() {
 #[test]
 fn empty_files_and_folders_are_refused() {
     let bench = Bench::new();
-    let error = Bench::refused("empty", &bench.file("empty", b""));
+    let error = refused("empty", &bench.file("empty", b""));
     assert!(error.contains("it is empty"), "{error}");
-    let error = Bench::refused("folder", bench.folder.path());
+    let error = refused("folder", bench.folder.path());
     assert!(error.contains("directory"), "{error}");
     for recording in all().into_iter().filter(|recording| recording.is_text) {
         let path = bench.file("header alone", &recording.header);

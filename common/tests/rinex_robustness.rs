@@ -294,7 +294,7 @@ fn line_ends_may_be_mixed() {
 fn a_huge_epoch_does_not_cost_the_others() {
     use std::fmt::Write as _;
 
-    let codes = (b'A'..=b'Z').map(|c| format!(" C1{}", c as char)).collect::<Vec<_>>().concat();
+    let codes = ('A'..='Z').map(|attribute| format!(" C1{attribute}")).collect::<Vec<_>>().concat();
     let (first, second) = codes.split_at(13 * 4);
     let mut text = format!("{:<60}RINEX VERSION / TYPE\n", "     3.04           OBSERVATION DATA    M");
     writeln!(text, "{:<60}SYS / # / OBS TYPES", format!("G   26{first}")).unwrap();
