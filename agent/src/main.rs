@@ -29,8 +29,15 @@ use cofix_common::time::GpsTime;
 struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
+    // Only what is directly in an optional group tells clap that the group is there, so these stand beside it.
     #[command(flatten)]
     publish: Option<Publish>,
+    #[command(flatten)]
+    products: ProductFiles,
+    #[command(flatten)]
+    masks: Masks,
+    #[command(flatten)]
+    log: LogOptions,
 }
 
 /// What else the agent can do with recordings.
@@ -138,12 +145,6 @@ struct Publish {
     /// Seconds to wait for the hub before giving up
     #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     patience: u64,
-    #[command(flatten)]
-    products: ProductFiles,
-    #[command(flatten)]
-    masks: Masks,
-    #[command(flatten)]
-    log: LogOptions,
 }
 
 fn main() -> ExitCode {
@@ -165,13 +166,14 @@ fn main() -> ExitCode {
 }
 
 fn work(arguments: Arguments) -> anyhow::Result<()> {
-    match (arguments.command, arguments.publish) {
+    let Arguments { command, publish, products, masks, log } = arguments;
+    match (command, publish) {
         (Some(Command::Inspect(arguments)), _) => inspect(&arguments),
         (Some(Command::Convert(arguments)), _) => convert(arguments),
         (Some(Command::Sourcetable(arguments)), _) => {
             print(&ntrip::sourcetable(&arguments.caster, &Stop::default())?.to_string())
         }
-        (None, Some(publish)) => start(publish.config()?),
+        (None, Some(publish)) => start(publish.config(products, &masks, &log)?),
         (None, None) => anyhow::bail!("nothing to do; see --help"),
     }
 }
@@ -226,12 +228,12 @@ fn convert(arguments: Convert) -> anyhow::Result<()> {
 }
 
 impl Publish {
-    fn config(self) -> anyhow::Result<AgentConfig> {
+    fn config(self, products: ProductFiles, masks: &Masks, log: &LogOptions) -> anyhow::Result<AgentConfig> {
         Ok(AgentConfig {
             source: self.source()?,
             group: self.group,
             phone: self.phone,
-            products: ProductSource::Files(self.products),
+            products: ProductSource::Files(products),
             corrections: Corrections {
                 sources: self.corrections,
                 base_position: self.base_position,
@@ -242,9 +244,9 @@ impl Publish {
             },
             connect: self.connect,
             speed: self.speed,
-            log: self.log.with(&self.masks)?,
+            log: log.with(masks)?,
             pipeline: PipelineOptions {
-                correction: self.masks.apply(CorrectionOptions {
+                correction: masks.apply(CorrectionOptions {
                     ionosphere: self.ionosphere,
                     ..CorrectionOptions::default()
                 })?,
