@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 use cofix_agent::convert::Outputs;
-use cofix_agent::corrections::base_position;
+use cofix_agent::corrections::{CorrectionSourceError, base_position};
 use cofix_agent::input::LiveSource;
 use cofix_agent::input::ntrip::{self, Caster};
 use cofix_agent::inspect::InspectOptions;
@@ -15,9 +15,7 @@ use cofix_agent::masks::{LogOptions, Masks};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::source::Reading;
-use cofix_agent::{
-    AgentConfig, CorrectionSource, Corrections, ProductFiles, ProductSource, Source, Speed, Stop,
-};
+use cofix_agent::{AgentConfig, Corrections, ProductFiles, ProductSource, Source, Speed, Stop};
 use cofix_common::frames::Ecef;
 use cofix_common::measurement::{CorrectionOptions, DifferentialCounts, DifferentialOptions, Ionosphere};
 use cofix_common::time::GpsTime;
@@ -54,7 +52,8 @@ enum Command {
 #[derive(Debug, Args)]
 struct Sourcetable {
     /// ntrip://HOST:PORT, or with an account ntrip://USER:PASSWORD@HOST:PORT
-    caster: Caster,
+    // Read later: what refuses arguments here would show the password.
+    caster: String,
 }
 
 #[derive(Debug, Args)]
@@ -128,8 +127,9 @@ struct Publish {
     ionosphere: Ionosphere,
     /// Corrections: a recorded file, tcp://HOST:PORT or ntrip://USER:PASSWORD@HOST:PORT/MOUNT. Its ephemerides are used, and, when it
     /// carries the observations of a base station, pseudoranges are corrected by them; may be repeated
+    // Read later: what refuses arguments here would show the password.
     #[arg(long, value_name = "SOURCE")]
-    corrections: Vec<CorrectionSource>,
+    corrections: Vec<String>,
     /// The base station's antenna, ECEF in metres and in the frame of the orbits (WGS-84, ITRF), in place of what its stream states
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = base_position, requires = "corrections")]
     base_position: Option<Ecef>,
@@ -171,7 +171,8 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
         (Some(Command::Inspect(arguments)), _) => inspect(&arguments),
         (Some(Command::Convert(arguments)), _) => convert(arguments),
         (Some(Command::Sourcetable(arguments)), _) => {
-            print(&ntrip::sourcetable(&arguments.caster, &Stop::default())?.to_string())
+            let caster: Caster = arguments.caster.parse()?;
+            print(&ntrip::sourcetable(&caster, &Stop::default())?.to_string())
         }
         (None, Some(publish)) => start(publish.config(products, &masks, &log)?),
         (None, None) => anyhow::bail!("nothing to do; see --help"),
@@ -235,7 +236,11 @@ impl Publish {
             phone: self.phone,
             products: ProductSource::Files(products),
             corrections: Corrections {
-                sources: self.corrections,
+                sources: self
+                    .corrections
+                    .iter()
+                    .map(|source| source.parse())
+                    .collect::<Result<_, CorrectionSourceError>>()?,
                 base_position: self.base_position,
                 options: DifferentialOptions {
                     maximum_age_s: self.corrections_age as f64,

@@ -256,3 +256,29 @@ fn a_source_is_one_of_file_and_live() {
     command(folder.path(), &["--group", "g", "--phone", "p"]).code(2);
     command(folder.path(), &["--group", "g", "--phone", "p", "--follow", "a", "--observations", "b"]).code(2);
 }
+
+/// Whatever is wrong with an address, nothing shows its password.
+#[test]
+fn passwords_are_not_shown() {
+    let folder = folder();
+    let publish = ["--group", "g", "--phone", "p", "--navigation", "nav.rnx", "--observations"];
+    for (arguments, said) in [
+        (vec!["good.rnx", "--corrections", "ntrip://me:secret@host"], "there is no mount point"),
+        (vec!["good.rnx", "--corrections", "ntrips://me:secret@host/M"], "TLS is not spoken"),
+        (vec!["good.rnx", "--corrections", "tcp://me:secret@host"], "tcp://me:…@host"),
+        (vec!["good.rnx", "--corrections", "-"], "not come from standard input"),
+        (vec!["ntrip://me:secret@host:0/M"], "host or port is none"),
+        (vec!["good.rnx", "--corrections", "missing.rnx"], "missing.rnx"),
+    ] {
+        let assert = command(folder.path(), &[&publish[..], &arguments].concat()).code(1);
+        let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+        assert!(text.contains(said) && !text.contains("secret"), "expected '{said}' in: {text}");
+    }
+    let assert = command(folder.path(), &["sourcetable", "host:secret@"]).code(1);
+    let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+    assert!(text.contains("does not begin with ntrip://") && !text.contains("secret"), "{text}");
+    let base = ["good.rnx", "--corrections", "base.rnx", "--base-position", "35.1,136.9,104"];
+    let assert = command(folder.path(), &[&publish[..], &base].concat()).code(2);
+    let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+    assert!(text.contains("metres (ECEF)"), "{text}");
+}

@@ -124,21 +124,6 @@ fn errors(name: &str, solved: &Solved, truth: impl Fn(GpsTime) -> Option<Ecef>) 
         vertical.push(error.up.abs());
         square += error.vector().norm_squared();
     }
-    let mut e: Vec<_> = solved
-        .positions
-        .iter()
-        .filter_map(|(t, p)| truth(*t).map(|tr| LocalFrame::at(tr).ecef_to_enu(*p)))
-        .collect();
-    let med = |v: &mut Vec<f64>| {
-        v.sort_by(f64::total_cmp);
-        v[v.len() / 2]
-    };
-    println!(
-        "   median ENU {:.2} {:.2} {:.2}",
-        med(&mut e.iter().map(|x| x.east).collect()),
-        med(&mut e.iter().map(|x| x.north).collect()),
-        med(&mut e.iter_mut().map(|x| x.up).collect())
-    );
     let rms_m = (square / horizontal.len() as f64).sqrt();
     let percentiles = |values: &mut Vec<f64>| {
         values.sort_by(f64::total_cmp);

@@ -1,0 +1,80 @@
+//! One phone's pipeline with a base station beside it, on a recorded pair of receivers: least squares with RAIM and the local filter.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
+use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
+use cofix_common::measurement::DifferentialOptions;
+use cofix_common::orbit::Products;
+use cofix_common::rinex::{NavigationFile, ObservationFile};
+
+fn shared(name: &str) -> Option<Vec<u8>> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/oracle/inputs");
+    let path = PathBuf::from(folder).join(name);
+    let bytes = std::fs::read(&path).ok();
+    if bytes.is_none() {
+        println!("skipped: {} is not here", path.display());
+    }
+    bytes
+}
+
+/// 50th percentile of horizontal and vertical errors of least squares and filter, m.
+#[derive(Debug)]
+struct Medians {
+    wls: (f64, f64),
+    local: (f64, f64),
+}
+
+fn medians(positions: &[(Ecef, Ecef)], truth: Ecef) -> Medians {
+    let frame = LocalFrame::at(truth);
+    let median = |value: &dyn Fn(&(Ecef, Ecef)) -> f64| {
+        let mut values: Vec<f64> = positions.iter().map(value).collect();
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let horizontal = |position: Ecef| frame.ecef_to_enu(position).horizontal();
+    let vertical = |position: Ecef| frame.ecef_to_enu(position).up.abs();
+    Medians {
+        wls: (median(&|p| horizontal(p.0)), median(&|p| vertical(p.0))),
+        local: (median(&|p| horizontal(p.1)), median(&|p| vertical(p.1))),
+    }
+}
+
+#[test]
+fn both_solutions_gain_by_a_base() {
+    let (Some(navigation), Some(rover), Some(base)) =
+        (shared("mat_base.nav.gz"), shared("mat_rover.obs.gz"), shared("mat_base.obs.gz"))
+    else {
+        return;
+    };
+    let products = Arc::new(Products::new(Vec::new(), vec![NavigationFile::parse(&navigation).unwrap()]));
+    let (rover, base) = (ObservationFile::parse(&rover).unwrap(), ObservationFile::parse(&base).unwrap());
+    let base_position = Ecef::new(-3_817_681.121_3, 3_562_839.431_1, 3_650_159.159_3);
+    let truth = Geodetic::from_degrees(35.134_699_01, 136.977_575_49, 104.862_6).geodetic_to_ecef();
+    let solve = |with_base: bool| {
+        let mut pipeline = PhonePipeline::new("p", products.clone(), PipelineOptions::default());
+        if with_base {
+            pipeline.use_bases(DifferentialOptions::default());
+        }
+        let mut bases = base.epochs.iter().peekable();
+        let mut positions = Vec::new();
+        for epoch in &rover.epochs {
+            while let Some(known) = bases.next_if(|known| known.time_gps <= epoch.time_gps) {
+                pipeline.add_base_epoch(0, known.clone(), base_position);
+            }
+            let message = pipeline.process(epoch);
+            let (Some(wls), Some(local)) = (message.wls, message.local) else { continue };
+            positions.push((wls.position, local.position()));
+        }
+        println!("{:?}; {}", pipeline.differential_counts(), pipeline.skips());
+        assert!(positions.len() >= 300, "{} positions", positions.len());
+        medians(&positions, truth)
+    };
+    let (plain, with) = (solve(false), solve(true));
+    println!("without {plain:.2?}\nwith    {with:.2?}");
+    assert!(with.wls.0 < 0.05 * plain.wls.0 && with.local.0 < 0.05 * plain.local.0, "{plain:?} {with:?}");
+    assert!(with.wls.0 < 0.15 && with.wls.1 < 0.35 && with.local.0 < 0.15 && with.local.1 < 0.4, "{with:?}");
+}
