@@ -1,0 +1,199 @@
+//! The agent's arguments.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Parser, Subcommand};
+use cofix_agent::corrections::{CorrectionSourceError, base_position};
+use cofix_agent::input::LiveSource;
+use cofix_agent::masks::{LogOptions, Masks};
+use cofix_agent::pipeline::PipelineOptions;
+use cofix_agent::{AgentConfig, Corrections, ProductFiles, ProductSource, Source, Speed};
+use cofix_common::frames::Ecef;
+use cofix_common::measurement::{CorrectionOptions, DifferentialOptions, Ionosphere};
+use cofix_common::time::GpsTime;
+
+/// Runs beside one phone: reads its observations and publishes corrected measurements, local state and integrity verdict
+/// over Zenoh, one message per epoch.
+#[derive(Debug, Parser)]
+#[command(version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+    // Only what is directly in an optional group tells clap that the group is there, so these stand beside it.
+    #[command(flatten)]
+    pub(crate) publish: Option<Publish>,
+    #[command(flatten)]
+    pub(crate) products: ProductFiles,
+    #[command(flatten)]
+    pub(crate) masks: Masks,
+    #[command(flatten)]
+    pub(crate) log: LogOptions,
+}
+
+/// What else the agent can do with recordings.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Says what is in recordings: span, gaps, satellites, signals, strength, slips, clock jumps, what is skipped
+    Inspect(Inspect),
+    /// Writes recordings of any format as RINEX 3.05
+    Convert(Convert),
+    /// Lists the streams of an NTRIP caster
+    Sourcetable(Sourcetable),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Sourcetable {
+    /// ntrip://HOST:PORT, or with an account ntrip://USER:PASSWORD@HOST:PORT
+    // Read later: what refuses arguments here would show the password.
+    pub(crate) caster: String,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Inspect {
+    /// Recordings of any format that is read (.gz and .Z too)
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// JSON instead of a table: a list with one object per file
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// An instant within three days of the recordings, for RTCM 3 [GPS time, YYYY-MM-DDThh:mm:ss]
+    #[arg(long, value_name = "TIME")]
+    pub(crate) date: Option<GpsTime>,
+    /// With orbits, recordings are processed too, and what masks and RAIM take is counted
+    #[command(flatten)]
+    pub(crate) products: ProductFiles,
+    #[command(flatten)]
+    pub(crate) masks: Masks,
+    #[command(flatten)]
+    pub(crate) log: LogOptions,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Convert {
+    /// Recordings of any format that is read (.gz and .Z too), in order of time
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// Observation file to write
+    #[arg(long, value_name = "OUT", required_unless_present = "navigation")]
+    pub(crate) observations: Option<PathBuf>,
+    /// Navigation file to write, of the messages that the recordings carry
+    #[arg(long, value_name = "OUT")]
+    pub(crate) navigation: Option<PathBuf>,
+    /// An instant within three days of the recordings, for RTCM 3 [GPS time, YYYY-MM-DDThh:mm:ss]
+    #[arg(long, value_name = "TIME")]
+    pub(crate) date: Option<GpsTime>,
+    /// Signals of GnssLogger text weaker than this are left out [dB-Hz; default 15]
+    #[arg(long, value_name = "DBHZ")]
+    pub(crate) cn0_mask: Option<f64>,
+    #[command(flatten)]
+    pub(crate) log: LogOptions,
+}
+
+/// Publishing.
+#[derive(Debug, Args)]
+pub(crate) struct Publish {
+    /// Group that the phone belongs to
+    #[arg(long)]
+    group: String,
+    /// Name of the phone within the group
+    #[arg(long)]
+    phone: String,
+    /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz and .Z too), or a live source: '-' for
+    /// standard input, tcp://HOST:PORT for a server that sends bytes, ntrip://USER:PASSWORD@HOST:PORT/MOUNT for a stream of a caster
+    #[arg(long, value_name = "SOURCE", required_unless_present = "follow")]
+    pub(crate) observations: Option<String>,
+    /// File that is being written, read as it grows
+    #[arg(long, value_name = "FILE", conflicts_with = "observations")]
+    follow: Option<PathBuf>,
+    /// An instant within three days of the beginning, for RTCM 3, which lacks the week; else the orbits tell, or the file's
+    /// last change, and live the computer's clock [GPS time, YYYY-MM-DDThh:mm:ss]
+    #[arg(long, value_name = "TIME")]
+    pub(crate) date: Option<GpsTime>,
+    /// Take the satellite states and delays of the recording itself, where it has them (challenge tables), in place of those
+    /// from products; none need be named then
+    #[arg(long)]
+    recorded_corrections: bool,
+    /// 'model': every signal with a modelled delay; 'pair': the ionosphere-free pair of satellites with two bands; 'pair-only':
+    /// nothing but pairs
+    #[arg(long, value_name = "METHOD", default_value = "model")]
+    ionosphere: Ionosphere,
+    /// Corrections: a recorded file, tcp://HOST:PORT or ntrip://USER:PASSWORD@HOST:PORT/MOUNT. Its ephemerides are used, and, when it
+    /// carries the observations of a base station, pseudoranges are corrected by them; may be repeated
+    // Read later: what refuses arguments here would show the password.
+    #[arg(long, value_name = "SOURCE")]
+    corrections: Vec<String>,
+    /// The base station's antenna, ECEF in metres and in the frame of the orbits (WGS-84, ITRF), in place of what its stream states
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = base_position, requires = "corrections")]
+    base_position: Option<Ecef>,
+    /// Corrections older than this are not used, seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=3_600))]
+    corrections_age: u64,
+    /// Zenoh endpoint of the hub; may be repeated
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
+    connect: Vec<String>,
+    /// 'max', or times the recorded speed (1 = as recorded); of no effect on live sources
+    #[arg(long, default_value = "1")]
+    speed: Speed,
+    /// Seconds to wait for the hub before giving up
+    #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=86_400))]
+    patience: u64,
+}
+
+impl Publish {
+    /// What the agent is told.
+    pub(crate) fn config(
+        self,
+        products: ProductFiles,
+        masks: &Masks,
+        log: &LogOptions,
+    ) -> anyhow::Result<AgentConfig> {
+        Ok(AgentConfig {
+            source: self.source()?,
+            group: self.group,
+            phone: self.phone,
+            products: ProductSource::Files(products),
+            corrections: Corrections {
+                sources: self
+                    .corrections
+                    .iter()
+                    .map(|source| source.parse())
+                    .collect::<Result<_, CorrectionSourceError>>()?,
+                base_position: self.base_position,
+                options: DifferentialOptions {
+                    maximum_age_s: self.corrections_age as f64,
+                    ..DifferentialOptions::default()
+                },
+            },
+            connect: self.connect,
+            speed: self.speed,
+            log: log.with(masks)?,
+            pipeline: PipelineOptions {
+                correction: masks.apply(CorrectionOptions {
+                    ionosphere: self.ionosphere,
+                    ..CorrectionOptions::default()
+                })?,
+                recorded_corrections: self.recorded_corrections,
+                ..PipelineOptions::default()
+            },
+            patience: Duration::from_secs(self.patience),
+            kept_messages: AgentConfig::KEPT_MESSAGES,
+        })
+    }
+
+    fn source(&self) -> anyhow::Result<Source> {
+        let name = match (&self.follow, &self.observations) {
+            (Some(path), _) => {
+                return Ok(Source::Live { from: LiveSource::Follow(path.clone()), near: self.date });
+            }
+            (None, name) => name.as_deref().unwrap_or_default(),
+        };
+        if LiveSource::is_named_by(name) {
+            return Ok(Source::Live { from: name.parse()?, near: self.date });
+        }
+        Ok(match self.date {
+            Some(near) => Source::DatedFile { path: name.into(), near },
+            None => Source::File(name.into()),
+        })
+    }
+}
