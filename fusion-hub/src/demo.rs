@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use cofix_agent::masks::{LogOptions, Masks};
-use cofix_agent::{ProductSource, Source};
+use cofix_agent::{Corrections, ProductSource, Source};
 use cofix_common::accuracy::{Truth, TruthPoint};
 use cofix_common::measurement::Ionosphere;
 use cofix_common::simulation::{Scenario, Simulation};
@@ -36,6 +36,7 @@ pub fn plan(scenario: Scenario) -> anyhow::Result<Plan> {
         truth_quality: vec![QUALITY],
         preset: Preset::Default,
         ionosphere: Ionosphere::default(),
+        corrections: Corrections::default(),
         masks: Masks::default(),
         log: LogOptions::default(),
         truth_skips: Skips::default(),

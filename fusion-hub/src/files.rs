@@ -6,6 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use cofix_agent::CorrectionSource;
 
 use crate::session::Session;
 
@@ -30,6 +31,11 @@ pub fn inputs(file: &Path, session: &Session) -> Vec<Named> {
     let mut inputs = vec![Named::new("the session file", file)];
     for path in session.products.iter() {
         inputs.push(Named::new("a product", path));
+    }
+    for source in &session.corrections.sources {
+        if let CorrectionSource::File(path) = source {
+            inputs.push(Named::new("a source of corrections", path));
+        }
     }
     for phone in &session.phones {
         for (what, path) in [("observations", &phone.observations), ("truth", &phone.truth)] {

@@ -8,7 +8,7 @@ use std::thread::{Builder, JoinHandle};
 use anyhow::{Context, anyhow, bail};
 use cofix_agent::masks::{LogOptions, MaskError, Masks};
 use cofix_agent::pipeline::PipelineOptions;
-use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, source};
+use cofix_agent::{AgentConfig, Corrections, ProductSource, Source, Speed, Stop, source};
 use cofix_common::accuracy::Truth;
 use cofix_common::gsdc;
 use cofix_common::measurement::Ionosphere;
@@ -45,6 +45,8 @@ pub struct Plan {
     pub preset: Preset,
     /// What is done about the ionosphere.
     pub ionosphere: Ionosphere,
+    /// Corrections from elsewhere, for all phones.
+    pub corrections: Corrections,
     /// What is not used.
     pub masks: Masks,
     /// How GnssLogger text is read.
@@ -107,6 +109,7 @@ impl Plan {
             truth_quality: session.truth_quality.clone(),
             preset: session.preset,
             ionosphere: session.ionosphere,
+            corrections: session.corrections.clone(),
             masks: session.masks.clone(),
             log: session.log.clone(),
             truth_skips,
@@ -229,6 +232,7 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
             products: ProductSource::Loaded(products.clone()),
             connect: connect.clone(),
             speed: options.speed,
+            corrections: plan.corrections.clone(),
             log: plan.log.with(&plan.masks)?,
             pipeline: plan.pipeline(phone)?,
             ..AgentConfig::new(&plan.group, &phone.name, phone.source.clone())

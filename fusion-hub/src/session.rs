@@ -34,6 +34,9 @@
 //! [filter]
 //! preset = "default"                  # or "peng2023"
 //! [correction]
+//! sources = ["base.rtcm3"]            # optional: recordings of base stations and of ephemerides, for all phones
+//! base_position_m = [4e6, 5e5, 5e6]   # optional: the base's antenna, ECEF, in place of what its recording states
+//! maximum_age_s = 60.0                # of a base's corrections; this is the default
 //! ionosphere = "model"                # or "pair": ionosphere-free pair of satellites with two bands, or "pair-only"
 //! [masks]                             # what is not used; these are the defaults
 //! elevation_deg = 7.5
@@ -58,6 +61,8 @@ use std::path::{Path, PathBuf};
 
 pub use cofix_agent::ProductFiles;
 use cofix_agent::masks::{LogOptions, Masks};
+use cofix_agent::{CorrectionSource, Corrections};
+use cofix_common::frames::Ecef;
 use cofix_common::measurement::{CorrectionOptions, Ionosphere};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::check_name;
@@ -82,6 +87,8 @@ pub struct Session {
     pub preset: Preset,
     /// What is done about the ionosphere.
     pub ionosphere: Ionosphere,
+    /// Corrections from elsewhere.
+    pub corrections: Corrections,
     /// What is not used.
     pub masks: Masks,
     /// How GnssLogger text is read.
@@ -203,9 +210,29 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
         truth_quality: file.evaluation.truth_quality,
         preset: file.filter.preset,
         ionosphere: file.correction.ionosphere,
+        corrections: corrections(&file.correction, folder)?,
         masks: file.masks,
         log: file.log,
     })
+}
+
+fn corrections(table: &text::CorrectionTable, folder: &Path) -> Result<Corrections, String> {
+    let mut corrections = Corrections {
+        sources: table.sources.iter().map(|path| CorrectionSource::File(folder.join(path))).collect(),
+        base_position: table.base_position_m.map(|[x, y, z]| Ecef::new(x, y, z)),
+        ..Corrections::default()
+    };
+    if let Some(age_s) = table.maximum_age_s {
+        if !(0.0..=3_600.0).contains(&age_s) {
+            return Err(format!("[correction] maximum_age_s is {age_s}; it must lie between 0 and 3600"));
+        }
+        corrections.options.maximum_age_s = age_s;
+    }
+    let stray = table.base_position_m.is_some() || table.maximum_age_s.is_some();
+    if stray && corrections.is_none() {
+        return Err("[correction] base_position_m and maximum_age_s need sources".to_owned());
+    }
+    Ok(corrections)
 }
 
 fn check_phone_names(phones: &[text::PhoneEntry]) -> Result<(), String> {

@@ -36,7 +36,7 @@ use crate::source::SourceError;
 const LAST_WORDS: Duration = Duration::from_secs(1);
 
 /// Where corrections come from, and how they are used.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Corrections {
     /// The sources; each may carry ephemerides and the observations of one base.
     pub sources: Vec<CorrectionSource>,

@@ -100,6 +100,29 @@ fn corrections_are_chosen_by_phone_and_session() {
 }
 
 #[test]
+fn bases_and_masks_are_read_and_refused() {
+    let phone = "group = 'g'\n[[phone]]\nname = 'a'\n";
+    let text = "[correction]\nsources = ['base.obs', '/data/base.rtcm3']\nbase_position_m = [1.0, -2.0, 3.5]\n\
+                maximum_age_s = 30\n[masks]\nelevation_deg = 10\n[log]\nkeep_multipath = true";
+    let session = parse(&format!("{phone}{text}")).unwrap();
+    let file = |path: &str| CorrectionSource::File(path.into());
+    assert_eq!(session.corrections.sources, [file("drives/monday/base.obs"), file("/data/base.rtcm3")]);
+    assert_eq!(session.corrections.base_position, Some(Ecef::new(1.0, -2.0, 3.5)));
+    assert!((session.corrections.options.maximum_age_s - 30.0).abs() < 1e-12);
+    assert_eq!((session.masks.elevation_deg, session.log.keep_multipath), (Some(10.0), true));
+    for (text, said) in [
+        ("[correction]\nmaximum_age_s = 30", "need sources"),
+        ("[correction]\nsources = ['a']\nmaximum_age_s = -1", "maximum_age_s is -1"),
+        ("[masks]\nelevation_deg = 91", "[masks]"),
+        ("[log]\nbias_uncertainty_ns = -1", "[log]"),
+        ("[log]\nkeep = true", "keep"),
+    ] {
+        let refused = refusal(&format!("{phone}{text}"));
+        assert!(refused.contains(said), "expected '{said}' in: {refused}");
+    }
+}
+
+#[test]
 fn a_minimal_file_has_defaults() {
     let session = parse("group = 'g'\n[[phone]]\nname = 'a'\n[filter]\npreset = 'peng2023'").unwrap();
     assert_eq!(session.truth_quality, [1]);

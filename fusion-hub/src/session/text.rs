@@ -106,6 +106,10 @@ pub(super) struct FilterTable {
 pub(super) struct CorrectionTable {
     #[serde(default)]
     pub ionosphere: Ionosphere,
+    #[serde(default)]
+    pub sources: Vec<PathBuf>,
+    pub base_position_m: Option<[f64; 3]>,
+    pub maximum_age_s: Option<f64>,
 }
 
 /// Settings of the filter that have a name.
