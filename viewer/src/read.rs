@@ -49,8 +49,8 @@ pub(crate) fn read(path: &Path) -> Result<Contents, SummaryError> {
             }
         }
     }
-    let ends = decoder.rrd_manifests().map(|manifests| !manifests.is_empty());
-    if !ends.unwrap_or(false) {
+    let ends = guarded(|| decoder.rrd_manifests().is_ok_and(|manifests| !manifests.is_empty()));
+    if ends != Ok(true) {
         contents.damage = Some(format!("the file ends after message {messages}, without its end mark"));
     }
     Ok(contents)
