@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
+#[path = "../../common/tests/beside/mod.rs"]
+mod beside;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -15,12 +18,7 @@ use cofix_common::measurement::{CorrectionOptions, Ionosphere};
 use cofix_common::orbit::Products;
 
 fn data(path: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data")).join(path);
-    if path.exists() {
-        return Some(path);
-    }
-    println!("skipped: {} is not here", path.display());
-    None
+    beside::file(&format!("data/{path}"))
 }
 
 /// Which signals are offered.

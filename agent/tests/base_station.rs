@@ -2,7 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
-use std::path::PathBuf;
+#[path = "../../common/tests/beside/mod.rs"]
+mod beside;
+
 use std::sync::Arc;
 
 use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
@@ -11,14 +13,8 @@ use cofix_common::measurement::DifferentialOptions;
 use cofix_common::orbit::Products;
 use cofix_common::rinex::{NavigationFile, ObservationFile};
 
-fn shared(name: &str) -> Option<Vec<u8>> {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/oracle/inputs");
-    let path = PathBuf::from(folder).join(name);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
+fn shared(path: &str) -> Option<Vec<u8>> {
+    beside::shared(&format!("oracle/inputs/{path}"))
 }
 
 /// 50th percentile of horizontal and vertical errors of least squares and filter, m.

@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
+#[path = "../../common/tests/beside/mod.rs"]
+mod beside;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -44,13 +47,7 @@ fn a_table_needs_no_products_and_a_bare_one_does() {
 }
 
 fn shared(path: &str) -> Option<Vec<u8>> {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/gsdc-2020-05-14-mtv1");
-    let path = PathBuf::from(folder).join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
+    beside::shared(&format!("data/gsdc-2020-05-14-mtv1/{path}"))
 }
 
 /// The table, which is kept in parts with a header each.

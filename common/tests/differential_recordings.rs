@@ -2,9 +2,11 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
-use std::path::PathBuf;
+mod beside;
+
 use std::sync::Arc;
 
+use beside::shared;
 use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
 use cofix_common::gnss::{Constellation, ObservationEpoch};
 use cofix_common::measurement::{
@@ -15,15 +17,6 @@ use cofix_common::orbit::Products;
 use cofix_common::rinex::{NavigationFile, ObservationFile};
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
-
-fn shared(path: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
-}
 
 fn observations(path: &str) -> Option<Vec<ObservationEpoch>> {
     Some(ObservationFile::parse(&shared(path)?).unwrap().epochs)

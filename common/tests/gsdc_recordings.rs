@@ -2,7 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
-use std::path::PathBuf;
+mod beside;
+
 use std::sync::Arc;
 
 use cofix_common::accuracy::{Accuracy, Solution, score};
@@ -17,13 +18,7 @@ use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
 
 fn shared(path: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/gsdc-2020-05-14-mtv1"))
-        .join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
+    beside::shared(&format!("data/gsdc-2020-05-14-mtv1/{path}"))
 }
 
 /// The table, which is kept in parts with a header each.

@@ -2,7 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
-use std::path::PathBuf;
+mod beside;
+
 use std::sync::Arc;
 
 use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
@@ -13,12 +14,7 @@ use cofix_common::rinex::{NavigationFile, ObservationFile};
 use cofix_common::solve::{Fit, solve_position};
 
 fn shared(path: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/oracle/inputs")).join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
+    beside::shared(&format!("oracle/inputs/{path}"))
 }
 
 /// Signals that are offered.

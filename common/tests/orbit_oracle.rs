@@ -2,8 +2,9 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests
 
-use std::path::PathBuf;
+mod beside;
 
+use beside::shared;
 use cofix_common::constants::EARTH_ROTATION_RADPS;
 use cofix_common::frames::{Ecef, EcefVector};
 use cofix_common::gnss::{Constellation, SatelliteId};
@@ -12,15 +13,6 @@ use cofix_common::orbit::{
 };
 use cofix_common::rinex::NavigationFile;
 use cofix_common::time::GpsTime;
-
-fn shared(path: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
-}
 
 /// A table with its columns by name.
 struct Table {

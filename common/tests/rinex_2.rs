@@ -2,22 +2,14 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
-use std::path::PathBuf;
+mod beside;
 
 use std::fmt::Write as _;
 
+use beside::shared;
 use cofix_common::gnss::{Constellation, EpochFlag, Observation, ObservationEpoch};
 use cofix_common::rinex::{NavigationFile, ObservationFile};
 use cofix_common::time::GpsTime;
-
-fn shared(path: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
-}
 
 fn find(epoch: &ObservationEpoch, satellite: &str, signal: &str) -> Observation {
     let wanted = |o: &&Observation| o.satellite.to_string() == satellite && o.signal.to_string() == signal;

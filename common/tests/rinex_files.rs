@@ -2,19 +2,11 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests
 
-use std::path::PathBuf;
+mod beside;
 
+use beside::shared;
 use cofix_common::gnss::{EpochFlag, Observation, ObservationEpoch};
 use cofix_common::rinex::{NavigationFile, ObservationDecoder, ObservationFile, RinexError};
-
-fn shared(path: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
-}
 
 #[test]
 fn recordings_have_all_their_epochs() {

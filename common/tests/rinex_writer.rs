@@ -2,8 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
-use std::path::PathBuf;
+mod beside;
 
+use beside::shared;
 use cofix_common::frames::{Ecef, EcefVector};
 use cofix_common::gnss::{
     Constellation, EpochFlag, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
@@ -16,15 +17,6 @@ use cofix_common::rinex::{
 use cofix_common::time::GpsTime;
 use nalgebra::Vector3;
 use proptest::prelude::*;
-
-fn shared(path: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
-}
 
 fn written(epochs: &[ObservationEpoch], info: &RecordingInfo) -> (String, ObservationWriter) {
     let mut layout = ObservationLayout::default();

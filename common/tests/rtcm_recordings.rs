@@ -2,22 +2,14 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
-use std::path::PathBuf;
+mod beside;
 
+use beside::shared;
 use cofix_common::decode::{Decoder, Record};
 use cofix_common::gnss::{Observation, ObservationEpoch};
 use cofix_common::rinex::ObservationFile;
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
-
-fn shared(path: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
-}
 
 fn decode(bytes: &[u8], portion: usize) -> (Vec<ObservationEpoch>, Skips) {
     let mut decoder = RtcmDecoder::new(RtcmOptions::near("2020-08-12T00:00:00".parse().unwrap()));

@@ -9,8 +9,9 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)] // helpers of tests
 
+mod beside;
+
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use cofix_common::atmosphere::klobuchar_delay_l1_m;
@@ -23,12 +24,7 @@ use cofix_common::solve::{Fit, solve_position};
 use cofix_common::time::GpsTime;
 
 fn shared(path: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/oracle")).join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: {} is not here", path.display());
-    }
-    bytes
+    beside::shared(&format!("oracle/{path}"))
 }
 
 /// A table's rows with its columns by name.

@@ -1,16 +1,13 @@
 //! Rows of numbers from the vectors that lie beside the repository, when they are there.
 
-use std::path::PathBuf;
+#[path = "../beside/mod.rs"]
+mod beside;
 
 /// All rows of a file of numbers under one heading line, or `None` (said aloud) when the file is not there.
 ///
 /// A field that is no number becomes NaN, which fails every comparison.
 pub fn rows(file: &str) -> Option<Vec<Vec<f64>>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/oracle")).join(file);
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        println!("skipped: no {}", path.display());
-        return None;
-    };
+    let text = String::from_utf8(beside::shared(&format!("oracle/{file}"))?).unwrap();
     let parse = |line: &str| line.split(',').map(|field| field.parse::<f64>().unwrap_or(f64::NAN)).collect();
     Some(text.lines().filter(|line| !line.starts_with('#')).skip(1).map(parse).collect())
 }
