@@ -1,6 +1,6 @@
 //! Recordings and reference vectors that lie beside the repository, when they are there.
 
-#![allow(dead_code)] // not every test uses everything
+#![allow(dead_code, clippy::unwrap_used)] // not every test uses everything; helpers of tests
 
 use std::path::PathBuf;
 

@@ -7,7 +7,7 @@ mod beside;
 ///
 /// A field that is no number becomes NaN, which fails every comparison.
 pub fn rows(file: &str) -> Option<Vec<Vec<f64>>> {
-    let text = String::from_utf8(beside::shared(&format!("oracle/{file}"))?).unwrap();
+    let text = String::from_utf8_lossy(&beside::shared(&format!("oracle/{file}"))?).into_owned();
     let parse = |line: &str| line.split(',').map(|field| field.parse::<f64>().unwrap_or(f64::NAN)).collect();
     Some(text.lines().filter(|line| !line.starts_with('#')).skip(1).map(parse).collect())
 }
