@@ -544,3 +544,84 @@ fn differential_corrections_close() {
         }
     }
 }
+
+/// A base takes away what both receivers see, not their noise: that of a pair stays that of a pair, and biases between
+/// GLONASS' channels are each receiver's own.
+#[test]
+fn differential_corrections_leave_the_receivers_own_variances() {
+    let products = Arc::new(Products::new(Vec::new(), vec![navigation()]));
+    let corrected = |ionosphere: Ionosphere| {
+        let options = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
+        let mut differential = Differential::new(products.clone(), options, DifferentialOptions::default());
+        differential.add(0, base().epoch(), base().position);
+        let mut observations = rover().corrected(&products, ionosphere);
+        differential.apply(&mut observations, rover().position, rover().tag);
+        observations
+    };
+    let single = corrected(Ionosphere::Model);
+    for pair in corrected(Ionosphere::PairOnly) {
+        let first = single.iter().find(|o| o.satellite == pair.satellite).unwrap();
+        let ratio = pair.pseudorange_sigma_m / first.pseudorange_sigma_m;
+        assert!((2.4..3.0).contains(&ratio), "{} {}: {ratio}", pair.satellite, pair.signal);
+    }
+    let bias_m = CorrectionOptions::default().glonass_bias_sigma_m;
+    let of = |constellation| single.iter().filter(move |o| o.satellite.constellation == constellation);
+    assert!(of(Glonass).count() > 8 && of(Glonass).all(|o| o.pseudorange_sigma_m > bias_m));
+    assert!(of(Gps).any(|o| o.pseudorange_sigma_m < 0.6 * bias_m));
+}
+
+/// Messages of both kinds for Galileo, of which I/NAV comes to its greatest age between the epochs of base and rover.
+fn navigation_that_changes_to_fnav(change: GpsTime) -> NavigationFile {
+    let mut file = navigation();
+    let mut fnav = Vec::new();
+    for orbit in orbits() {
+        let Orbit::Kepler(message) = orbit else { continue };
+        if message.satellite.constellation != Galileo {
+            continue;
+        }
+        let pair_s = orbit.pair_delay_s((b'1', b'5'));
+        let (a0, a1, a2) = message.clock;
+        fnav.push(KeplerEphemeris {
+            message: NavigationMessage::GalileoFnav,
+            clock: (a0 - pair_s, a1, a2),
+            group_delays_s: (orbit.delay_s(b'1') - pair_s, f64::NAN),
+            ..message
+        });
+    }
+    for inav in file.ephemerides.iter_mut().filter(|e| e.satellite.constellation == Galileo) {
+        let earlier_s = inav.toe - (change - 14_400.0);
+        let mean_motion = (3.986_004_418e14_f64).sqrt() / inav.sqrt_a.powi(3);
+        inav.m0_rad -= mean_motion * earlier_s;
+        inav.clock.0 -= inav.clock.1 * earlier_s;
+        (inav.toe, inav.toc) = (inav.toe - earlier_s, inav.toc - earlier_s);
+        inav.toe_own_tow_s -= earlier_s;
+    }
+    file.ephemerides.extend(fnav);
+    file
+}
+
+/// The clocks of the two messages differ by their group delays, and both are part of what a base corrects.
+#[test]
+fn differential_corrections_close_when_galileo_changes_to_another_message() {
+    let file = navigation_that_changes_to_fnav(week_start() + 5.0);
+    let products = Arc::new(Products::new(Vec::new(), vec![file]));
+    let later = Receiver { tag: week_start() + 10.03, ..rover() };
+    for (ionosphere, groups, unknown) in
+        [(Ionosphere::Model, 12, &["G5", "C5"] as &[_]), (Ionosphere::PairOnly, 4, &["G1+5", "C2+5"])]
+    {
+        let options = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
+        for receiver in [rover(), later] {
+            let observations = receiver.corrected(&products, ionosphere);
+            check("both messages", &receiver, &observations, unknown, groups);
+        }
+        let mut differential = Differential::new(products.clone(), options, DifferentialOptions::default());
+        differential.add(0, base().epoch(), base().position);
+        let mut observations = later.corrected(&products, ionosphere);
+        differential.apply(&mut observations, later.position, later.tag);
+        observations.retain(|o| o.satellite.constellation == Galileo);
+        let spreads = later.spreads(&observations);
+        println!("{spreads:?}");
+        // The atmosphere changes by a little in ten seconds.
+        assert!(spreads.values().all(|(_, spread_m)| *spread_m < 0.01), "{spreads:?}");
+    }
+}

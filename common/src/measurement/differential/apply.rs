@@ -1,9 +1,11 @@
 //! Base corrections to the rover's observations.
 
 use super::base::{BaseCorrection, BaseEpoch};
-use super::{Applied, CorrectedObservation, Differential, Uncorrected};
+use super::{Applied, CorrectedObservation, Differential, Uncorrected, code_variance_m2};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::Ecef;
+use crate::gnss::Constellation;
+use crate::measurement::pair::variance_factor;
 use crate::time::GpsTime;
 
 /// A satellite that a base's last epoch lacks is looked for in so many before it.
@@ -179,7 +181,8 @@ impl Differential {
         let elevation_rad = observation.direction.elevation_rad;
         let slant_m = position.distance_m(rover) / elevation_rad.sin().max(LOWEST_SINE);
         let other_code_m = if *is_other_code { options.other_code_sigma_m } else { 0.0 };
-        let variance_m2 = self.correction.stochastic.code.variance(observation.cn0_dbhz, elevation_rad)
+        let variance_m2 = code_variance_m2(self.correction.stochastic.code, observation)
+            + self.channel_variance_m2(observation)
             + correction.variance_m2
             + (options.age_sigma_mps * age_s).powi(2)
             + (options.distance_sigma * slant_m).powi(2)
@@ -188,5 +191,14 @@ impl Differential {
         let change_m = correction.change_of_message_m(&self.products, sent, *position);
         observation.pseudorange_m -= correction.correction_m + change_m;
         observation.pseudorange_sigma_m = variance_m2.sqrt();
+    }
+
+    /// Variance of the rover's biases between GLONASS' frequency channels, which a base of another make does not share, m².
+    fn channel_variance_m2(&self, observation: &CorrectedObservation) -> f64 {
+        let constellation = observation.satellite.constellation;
+        if constellation != Constellation::Glonass {
+            return 0.0;
+        }
+        self.correction.glonass_bias_sigma_m.powi(2) * variance_factor(observation.signal, constellation)
     }
 }

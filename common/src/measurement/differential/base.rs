@@ -1,11 +1,12 @@
 //! A base's epoch and its corrections.
 
 use super::clock::common;
-use super::{CorrectedObservation, Corrector, DifferentialOptions};
+use super::{CorrectedObservation, Corrector, DifferentialOptions, code_variance_m2};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::Ecef;
 use crate::gnss::{ClockGroup, Constellation, ObservationEpoch, SatelliteId, SignalCode};
-use crate::orbit::{Products, SatelliteState};
+use crate::measurement::pair::pair_factor;
+use crate::orbit::{ClockReference, Products, SatelliteState};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
@@ -114,9 +115,7 @@ fn compute(
                 satellite: observation.satellite,
                 signal: observation.signal,
                 correction_m,
-                variance_m2: options
-                    .base_code
-                    .variance(observation.cn0_dbhz, observation.direction.elevation_rad),
+                variance_m2: code_variance_m2(options.base_code, observation),
                 is_refused,
                 sent: epoch.time_gps + -(observation.pseudorange_m / SPEED_OF_LIGHT_MPS),
             });
@@ -156,8 +155,25 @@ impl BaseCorrection {
         }
         let observed =
             |state: &SatelliteState| SPEED_OF_LIGHT_MPS * state.clock_s - state.position.distance_m(base);
-        observed(&new) - observed(&old)
+        let delay = |at| {
+            group_delay_m(products, (self.satellite, self.signal), new.clock_reference, at).unwrap_or(0.0)
+        };
+        observed(&new) - observed(&old) + delay(sent) - delay(self.sent)
     }
+}
+
+/// The group delay correction of a signal, or of a pair.
+fn group_delay_m(
+    products: &Products,
+    (satellite, signal): (SatelliteId, SignalCode),
+    reference: ClockReference,
+    time: GpsTime,
+) -> Option<f64> {
+    let of = |signal| products.group_delay_correction_m(satellite, signal, reference, time);
+    let Some((first, second)) = signal.bands_of_pair() else { return of(signal) };
+    let of_band = |band| of(SignalCode::new(band, signal.attribute)).unwrap_or(0.0);
+    let factor = pair_factor(signal, satellite.constellation)?;
+    Some(factor * of_band(first) - (factor - 1.0) * of_band(second))
 }
 
 /// Whether other messages of a satellite are in force at two instants.
