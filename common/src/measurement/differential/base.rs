@@ -10,7 +10,7 @@ use crate::orbit::{ClockReference, Products, SatelliteState};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
-/// When half of a base's corrections are larger than this, it is not where it is said to be, m. What models leave is smaller.
+/// When more than half of a base's corrections are larger than this, it is not where it is said to be, m. What models leave is smaller.
 const CONTRADICTION_M: f64 = 30.0;
 
 /// Signals of a constellation and band that a correction needs at least.
@@ -95,6 +95,11 @@ fn compute(
         let fellows: Vec<_> = observations.iter().filter(|o| o.clock_group() == group).collect();
         // One alone says nothing: its error and the base's clock are the same to it.
         if fellows.len() < FEWEST_FELLOWS {
+            for alone in fellows {
+                skips.add("base's signal alone in its constellation and band, corrects nothing", || {
+                    format!("{} {} at {}", alone.satellite, alone.signal, epoch.time_gps)
+                });
+            }
             continue;
         }
         let left = |o: &CorrectedObservation| o.pseudorange_m - o.satellite_position.distance_m(position);
@@ -124,7 +129,7 @@ fn compute(
     if contradicts(&corrections) {
         skips.add(
             "base's pseudoranges contradict its position, epoch not used: is the position right?",
-            || format!("{}: half of them are more than {CONTRADICTION_M} m off", epoch.time_gps),
+            || format!("{}: more than half of them are more than {CONTRADICTION_M} m off", epoch.time_gps),
         );
         corrections.clear();
     }

@@ -175,7 +175,8 @@ impl Differential {
         }
     }
 
-    /// Takes an epoch of base number `base`, whose antenna is at `position`. Epochs of a base come in order of time.
+    /// Takes an epoch of base number `base`, whose antenna is at `position`. Epochs that come late, or with a date that
+    /// is far off, find their place among the others.
     pub fn add(&mut self, base: usize, epoch: ObservationEpoch, position: Ecef) {
         if self.bases.len() <= base {
             self.bases.resize_with(base + 1, VecDeque::new);
@@ -185,7 +186,8 @@ impl Differential {
         while epochs.len() >= MOST_EPOCHS || epochs.front().is_some_and(|first| first.time_gps() < oldest) {
             epochs.pop_front();
         }
-        epochs.push_back(BaseEpoch::new(epoch, position));
+        let at = epochs.partition_point(|known| known.time_gps() <= epoch.time_gps);
+        epochs.insert(at, BaseEpoch::new(epoch, position));
     }
 
     /// Whether there is any base epoch.
