@@ -625,3 +625,62 @@ fn differential_corrections_close_when_galileo_changes_to_another_message() {
         assert!(spreads.values().all(|(_, spread_m)| *spread_m < 0.01), "{spreads:?}");
     }
 }
+
+fn sp3_between(first: i32, last: i32, interval_s: f64) -> Sp3 {
+    let times = (first..=last).map(|k| week_start() + interval_s * f64::from(k));
+    let positions = times
+        .flat_map(|time| {
+            orbits().into_iter().map(move |orbit| Sp3Position {
+                satellite: orbit.satellite(),
+                time,
+                position: orbit.state(time).position,
+                clock_s: Some(precise_clock_s(&orbit, time)),
+            })
+        })
+        .collect();
+    Sp3 { interval_s, epochs: 1, positions, skips: Skips::default() }
+}
+
+/// In which order files are named changes nothing, when they do not contradict each other.
+#[test]
+fn the_order_of_files_does_not_matter() {
+    let (early, late) = (sp3_between(-12, 0, 300.0), sp3_between(1, 12, 300.0));
+    let half = |is_early: bool| {
+        let mut file = clock_file();
+        file.records.retain(|record| (record.time <= week_start()) == is_early);
+        file
+    };
+    let mut forwards = Products::new(vec![early.clone(), late.clone()], vec![navigation()]);
+    forwards.add_clocks(vec![half(true), half(false)]);
+    let mut backwards = Products::new(vec![late, early], vec![navigation()]);
+    backwards.add_clocks(vec![half(false), half(true)]);
+    for orbit in orbits() {
+        for at_s in [-70.0, -0.1, 0.0, 0.1, 17.0, 90.0] {
+            let (satellite, time) = (orbit.satellite(), week_start() + at_s);
+            let state = forwards.satellite_state(satellite, time).unwrap();
+            assert_eq!(Ok(state), backwards.satellite_state(satellite, time));
+            assert!(state.position.distance_m(orbit.state(time).position) < 1e-3, "{satellite} {at_s}");
+        }
+    }
+}
+
+/// The last quarter of an hour of a file, where all nodes lie to one side.
+#[test]
+fn orbits_of_a_quarter_of_an_hour_hold_to_their_ends() {
+    let products = Products::new(vec![sp3_between(-16, 0, 900.0)], Vec::new());
+    let mut worst_m = [0.0_f64; 2];
+    for orbit in orbits() {
+        for k in 1..30 {
+            for (end, time) in
+                [week_start() - 30.0 * f64::from(k), week_start() - 7_200.0 + 30.0 * f64::from(k)]
+                    .into_iter()
+                    .enumerate()
+            {
+                let state = products.satellite_state(orbit.satellite(), time).unwrap();
+                worst_m[end] = worst_m[end].max(state.position.distance_m(orbit.state(time).position));
+            }
+        }
+    }
+    println!("at the end {:.4} m, in the middle {:.6} m", worst_m[0], worst_m[1]);
+    assert!(worst_m[0] < 0.01 && worst_m[1] < 1e-3, "{worst_m:?}");
+}
