@@ -305,7 +305,8 @@ fn ionosphere_maps() -> Ionex {
         text += &line(&format!("  2022     5    {day}    {hour:2}     0     0"), "EPOCH OF CURRENT MAP");
         for latitude in ["87.5", "-87.5"] {
             text += &line(&format!("  {latitude:>6}-180.0 180.0 180.0 450.0"), "LAT/LON1/LON2/DLON/H");
-            text += &format!("{0:5}{0:5}{0:5}\n", (TEC_TECU * 10.0).round());
+            let value = format!("{:5}", (TEC_TECU * 10.0).round());
+            text += &(value.repeat(3) + "\n");
         }
         text += &line("     1", "END OF TEC MAP");
     }
@@ -358,12 +359,12 @@ impl Receiver {
         let arrival = self.tag - self.clock_s;
         let mut travel_s = 0.07;
         for _ in 0..6 {
-            travel_s = self.seen(orbit, arrival, travel_s).distance_m(self.position) / C;
+            travel_s = Self::seen(orbit, arrival, travel_s).distance_m(self.position) / C;
         }
-        (self.seen(orbit, arrival, travel_s), arrival - travel_s)
+        (Self::seen(orbit, arrival, travel_s), arrival - travel_s)
     }
 
-    fn seen(&self, orbit: &Orbit, arrival: GpsTime, travel_s: f64) -> Ecef {
+    fn seen(orbit: &Orbit, arrival: GpsTime, travel_s: f64) -> Ecef {
         let Ecef(p) = orbit.state(arrival - travel_s).position;
         let angle = EARTH_ROTATION_RADPS * travel_s;
         let (sin, cos) = angle.sin_cos();

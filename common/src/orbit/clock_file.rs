@@ -155,16 +155,13 @@ impl Reader {
         let is_near = |other: GpsTime| (time - other).abs() <= STEP_BOUNDS_S.1;
         match self.last_epoch {
             Some(last) if !is_near(last) => {
-                match self.suspect.take_if(|(_, suspect)| is_near(suspect.time)) {
-                    Some((_, first)) => {
-                        self.last_epoch = None;
-                        self.take(first);
-                        self.take(record);
-                    }
-                    None => {
-                        self.drop_suspect();
-                        self.suspect = Some((number, record));
-                    }
+                if let Some((_, first)) = self.suspect.take_if(|(_, suspect)| is_near(suspect.time)) {
+                    self.last_epoch = None;
+                    self.take(first);
+                    self.take(record);
+                } else {
+                    self.drop_suspect();
+                    self.suspect = Some((number, record));
                 }
             }
             Some(last) if time < last => self.skips.add("clock record earlier than the one before", || {
