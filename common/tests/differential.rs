@@ -292,3 +292,62 @@ fn a_base_that_is_elsewhere_is_not_used() {
     let skips = differential.skips();
     assert!(skips.iter().any(|(reason, _)| reason.contains("contradict its position")), "{skips}");
 }
+
+/// The nearest base contradicts its position; the next one is as good as if it were alone.
+#[test]
+fn where_the_nearest_base_corrects_nothing_the_next_one_serves() {
+    let world = World::new(208_800.0, 2.0);
+    let SimulatedEpoch { epoch, truth, .. } = &world.base[1];
+    let mut alone = world.differential(DifferentialOptions::default());
+    alone.add(0, epoch.clone(), truth.position);
+    let mut both = world.differential(DifferentialOptions::default());
+    both.add(0, epoch.clone(), truth.position);
+    // Said to be where the rover is, with pseudoranges that do not fit.
+    let rover = &world.rover[1].truth;
+    let mut wrong = epoch.clone();
+    for observation in &mut wrong.observations {
+        let off_m = 80.0 * f64::from(observation.satellite.number).sin();
+        observation.pseudorange_m = observation.pseudorange_m.map(|p| p + off_m);
+    }
+    both.add(1, wrong, rover.position);
+    assert_eq!(world.apply(&mut both, 1).0, world.apply(&mut alone, 1).0);
+    let skips = both.skips();
+    assert!(skips.iter().any(|(reason, _)| reason.contains("contradict its position")), "{skips}");
+}
+
+/// A stream whose date was wrong for a while does not hide what comes after it, nor do epochs that come late.
+#[test]
+fn epochs_of_a_base_may_come_in_any_order() {
+    let world = World::new(208_800.0, 6.0);
+    let mut differential = world.differential(DifferentialOptions::default());
+    for k in 0..5 {
+        let SimulatedEpoch { epoch, truth, .. } = &world.base[0];
+        let mut ahead = epoch.clone();
+        ahead.time_gps = ahead.time_gps + 3_600.0 + f64::from(k);
+        differential.add(0, ahead, truth.position);
+    }
+    world.add_base(&mut differential, 5);
+    world.add_base(&mut differential, 4);
+    let (observations, applied) = world.apply(&mut differential, 5);
+    assert_eq!(applied.counts.corrected, observations.len() as u64, "{}", applied.skips);
+    assert!(world.error_m(5, &observations) < 0.005, "by the latest epoch");
+}
+
+/// A single signal of a band cannot be told from the base's clock.
+#[test]
+fn a_signal_without_fellows_at_the_base_is_named() {
+    let world = World::new(208_800.0, 2.0);
+    let SimulatedEpoch { epoch, truth, .. } = &world.base[1];
+    let mut kept = None;
+    let mut lone = epoch.clone();
+    lone.observations.retain(|o| {
+        let is_galileo = o.satellite.constellation == Constellation::Galileo;
+        !is_galileo || *kept.get_or_insert(o.satellite) == o.satellite
+    });
+    let mut differential = world.differential(DifferentialOptions::default());
+    differential.add(0, lone, truth.position);
+    world.apply(&mut differential, 1);
+    let skips = differential.skips();
+    let named = skips.iter().find(|(reason, _)| reason.contains("alone"));
+    assert!(named.is_some_and(|(_, skip)| skip.first.contains(&kept.unwrap().to_string())), "{skips}");
+}

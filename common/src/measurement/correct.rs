@@ -192,7 +192,7 @@ impl Corrector {
                 Some(PreparedState {
                     satellite_state: SatelliteState { position, ..state },
                     observation: *observation,
-                    time_gps,
+                    sent: by_satellite_clock,
                 })
             }
             Err(error) => {
@@ -214,7 +214,7 @@ impl Corrector {
             observation.satellite,
             observation.signal,
             state.clock_reference,
-            prepared.time_gps,
+            prepared.sent,
         );
         let unknown_m = self.options.unknown_group_delay_sigma_m;
         if group_delay_m.is_none() {
@@ -287,7 +287,8 @@ pub fn without_position(prepared: &[PreparedObservation]) -> Vec<CorrectedObserv
 struct PreparedState {
     satellite_state: SatelliteState,
     observation: Observation,
-    time_gps: GpsTime,
+    /// The instant whose message (and so whose group delay) this is.
+    sent: GpsTime,
 }
 
 impl PreparedState {

@@ -11,7 +11,7 @@ use std::str::FromStr;
 use serde::Deserialize;
 
 use super::{GivenCorrections, PreparedObservation};
-use crate::gnss::SignalCode;
+use crate::gnss::{Constellation, SignalCode};
 use crate::skips::Skips;
 
 /// Pairs that multiply the noise by more than this are not formed (L2 and L5: 16.6).
@@ -77,7 +77,7 @@ impl Second {
 impl Ionosphere {
     /// Replaces signals by pairs. Of a satellite's signals the two whose frequencies are farthest apart make the pair, since
     /// it has the least noise: L1 and L5 before L1 and L2, E1 and E5a before E1 and E5b. The satellite's other
-    /// signals are left out. The pair has the range rate of its first signal.
+    /// signals are left out. The pair has the range rate of its first signal; where that has none, of its second.
     pub(super) fn combine(
         self,
         prepared: Vec<PreparedObservation>,
@@ -123,6 +123,20 @@ where
     pair(factor, first, second)
 }
 
+/// By what the variance of a signal's code is multiplied in an observation, if both signals of a pair have the same: 1 for a
+/// single signal.
+pub(super) fn variance_factor(signal: SignalCode, constellation: Constellation) -> f64 {
+    pair_factor(signal, constellation).map_or(1.0, |factor| factor.powi(2) + (factor - 1.0).powi(2))
+}
+
+/// f₁²/(f₁² − f₂²) of a pair by its name; `None` of a single signal.
+pub(super) fn pair_factor(signal: SignalCode, constellation: Constellation) -> Option<f64> {
+    let (first, second) = signal.bands_of_pair()?;
+    // The two bands of GLONASS have the same ratio on every channel.
+    let frequency_hz = |band| SignalCode::new(band, signal.attribute).frequency_hz(constellation, Some(0));
+    factor(frequency_hz(first)?, frequency_hz(second)?)
+}
+
 /// f₁²/(f₁² − f₂²) for f₁ > f₂ not too near each other.
 fn factor(first_hz: f64, second_hz: f64) -> Option<f64> {
     let ratio = (first_hz / second_hz).powi(2);
@@ -139,6 +153,7 @@ fn pair(
     let name = SignalCode::pair(first.observation.signal, second.observation.signal)?;
     Some(PreparedObservation {
         pseudorange_m: factor * first.pseudorange_m - (factor - 1.0) * second.pseudorange_m,
+        range_rate_mps: first.range_rate_mps.or(second.range_rate_mps),
         stated: first.stated.map(|stated| GivenCorrections { ionosphere_m: 0.0, ..stated }),
         second: Some(Second {
             pair: name,

@@ -29,7 +29,7 @@ pub struct ClockRecord {
 pub struct ClockFile {
     /// Interval between epochs, s: the median of the differences.
     pub interval_s: f64,
-    /// Satellite clocks in file order.
+    /// Satellite clocks in order of time.
     pub records: Vec<ClockRecord>,
     /// What was skipped.
     pub skips: Skips,
@@ -82,7 +82,10 @@ impl ClockFile {
             last = number;
             reader.line(number, line);
         }
+        reader.drop_suspect();
         let Some(interval_s) = reader.interval_s() else { return Err(ClockFileError::Empty { lines: last }) };
+        // Only a damaged beginning leaves them in another order.
+        reader.records.sort_by_key(|record| record.time);
         Ok(Self { interval_s, records: reader.records, skips: reader.skips })
     }
 }
@@ -125,6 +128,8 @@ fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
 struct Reader {
     records: Vec<ClockRecord>,
     last_epoch: Option<GpsTime>,
+    /// A record far from the one before, and its line: believed when the next one is near it.
+    suspect: Option<(u64, ClockRecord)>,
     /// Differences between successive epochs, s.
     steps_s: Vec<f64>,
     skips: Skips,
@@ -147,17 +152,43 @@ impl Reader {
             });
             return;
         }
-        if let Some(last) = self.last_epoch.filter(|last| time < *last) {
-            self.skips.add("clock record earlier than the one before", || {
+        let is_near = |other: GpsTime| (time - other).abs() <= STEP_BOUNDS_S.1;
+        match self.last_epoch {
+            Some(last) if !is_near(last) => {
+                if let Some((_, first)) = self.suspect.take_if(|(_, suspect)| is_near(suspect.time)) {
+                    self.last_epoch = None;
+                    self.take(first);
+                    self.take(record);
+                } else {
+                    self.drop_suspect();
+                    self.suspect = Some((number, record));
+                }
+            }
+            Some(last) if time < last => self.skips.add("clock record earlier than the one before", || {
                 format!("line {number}: {satellite} {time} after {last}")
-            });
-            return;
+            }),
+            _ => {
+                self.drop_suspect();
+                self.take(record);
+            }
         }
+    }
+
+    fn take(&mut self, record: ClockRecord) {
         let (low, high) = STEP_BOUNDS_S;
-        let step_s = self.last_epoch.map(|last| time - last).filter(|step_s| (low..=high).contains(step_s));
-        self.steps_s.extend(step_s);
-        self.last_epoch = Some(time);
+        let step_s = self.last_epoch.map(|last| record.time - last);
+        self.steps_s.extend(step_s.filter(|step_s| (low..=high).contains(step_s)));
+        self.last_epoch = Some(record.time);
         self.records.push(record);
+    }
+
+    /// A date that no other record confirms is damaged: it must not make those after it look late.
+    fn drop_suspect(&mut self) {
+        if let Some((number, ClockRecord { satellite, time, .. })) = self.suspect.take() {
+            self.skips.add("clock record far from those around it", || {
+                format!("line {number}: {satellite} {time}; steps are up to {} s", STEP_BOUNDS_S.1)
+            });
+        }
     }
 
     /// The median step, `None` without records. A single epoch has no interval; any is as good.
@@ -251,5 +282,32 @@ AS G02       2010 07 01 00 00  0.000000  2      2.500000000000E-04   1.500000000
         assert_eq!(file.skips.count("clock record cannot be read"), 2, "{}", file.skips);
         assert_eq!(file.skips.count("clock record earlier than the one before"), 1);
         assert_eq!(file.skips.count("clock record with an impossible offset"), 1);
+    }
+
+    #[test]
+    fn one_damaged_date_costs_one_record() {
+        let damaged = VERSION_3.replacen("AS R05  2010 07", "AS R05  2019 07", 1);
+        let file = parse(&damaged).unwrap();
+        assert_eq!(file.records.len(), 3, "{}", file.skips);
+        assert_eq!((file.skips.total(), file.interval_s), (1, 30.0));
+        let named = file.skips.iter().next().unwrap();
+        assert_eq!(named.0, "clock record far from those around it");
+        assert!(named.1.first.contains("R05") && named.1.first.contains("2019"), "{}", file.skips);
+        // At the very end, too; and a gap of days is none.
+        let last = VERSION_3.replacen("AS G02  2010 07 01 00 01", "AS G02  2010 08 01 00 01", 1);
+        assert_eq!(parse(&last).unwrap().records.len(), 3);
+        let days = VERSION_3.to_owned()
+            + "AS G02  2010 07 03 00 00  0.000000  1    2.5e-04\nAS G02  2010 07 03 00 00 30.000000  1    2.5e-04\n";
+        let file = parse(&days).unwrap();
+        assert!(file.records.len() == 6 && file.skips.is_empty(), "{}", file.skips);
+    }
+
+    /// The first record's date is the damaged one: the others are used, in order of time.
+    #[test]
+    fn a_damaged_first_date_costs_no_other_record() {
+        let file = parse(&VERSION_3.replacen("AS G02  2010", "AS G02  2030", 1)).unwrap();
+        assert_eq!(file.records.len(), 4, "{}", file.skips);
+        assert!(file.records.is_sorted_by_key(|record| record.time));
+        assert_eq!(file.records[0].time, "2010-07-01T00:00:00".parse().unwrap());
     }
 }

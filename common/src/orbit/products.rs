@@ -96,7 +96,8 @@ impl Products {
     }
 
     /// Adds satellite clocks. They go with the positions of SP3 files: where there is no position, they are of no use. Where
-    /// files overlap, the one that begins first holds, and of those the one named first.
+    /// files overlap, the one that begins first holds, and of those the one named first. All files go in one call: records
+    /// earlier than those of a former call are left out.
     pub fn add_clocks(&mut self, files: Vec<ClockFile>) {
         Arc::make_mut(&mut self.clocks).add(files);
     }

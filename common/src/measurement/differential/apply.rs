@@ -1,9 +1,11 @@
 //! Base corrections to the rover's observations.
 
 use super::base::{BaseCorrection, BaseEpoch};
-use super::{Applied, CorrectedObservation, Differential, Uncorrected};
+use super::{Applied, CorrectedObservation, Differential, Uncorrected, code_variance_m2};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::Ecef;
+use crate::gnss::Constellation;
+use crate::measurement::pair::variance_factor;
 use crate::time::GpsTime;
 
 /// A satellite that a base's last epoch lacks is looked for in so many before it.
@@ -31,7 +33,8 @@ struct FoundCorrection {
 }
 
 impl Differential {
-    /// Corrects the observations of an epoch that were made for a rover at `rover`. Of the bases with a fresh epoch the nearest serves.
+    /// Corrects the observations of an epoch that were made for a rover at `rover`. Of the bases with a fresh epoch the nearest that
+    /// corrects any of them serves.
     pub fn apply(
         &mut self,
         observations: &mut Vec<CorrectedObservation>,
@@ -39,13 +42,19 @@ impl Differential {
         time_gps: GpsTime,
     ) -> Applied {
         let mut applied = Applied::default();
-        let Some((base, newest)) = self.choose(rover, time_gps) else {
+        let fresh = self.fresh(rover, time_gps);
+        if fresh.is_empty() {
             self.count_stale(observations, time_gps, &mut applied);
             return applied;
-        };
-        let found: Vec<Found> =
-            observations.iter().map(|observation| self.find(base, newest, observation, time_gps)).collect();
-        let any = found.iter().any(|found| matches!(found, Found::Corrected(_)));
+        }
+        let (mut found, mut any) = (Vec::new(), false);
+        for (base, newest) in fresh {
+            found = observations.iter().map(|o| self.find(base, newest, o, time_gps)).collect();
+            any = found.iter().any(|found| matches!(found, Found::Corrected(_)));
+            if any {
+                break;
+            }
+        }
         let mut found = found.into_iter();
         observations.retain_mut(|observation| {
             let found = found.next().unwrap_or(Found::Missing);
@@ -54,9 +63,9 @@ impl Differential {
         applied
     }
 
-    /// The base to use, and its epoch: of those with one that is not too old, the nearest; its last one that is not later than
-    /// the rover's, or the next one after.
-    fn choose(&self, rover: Ecef, time_gps: GpsTime) -> Option<(usize, usize)> {
+    /// The bases with an epoch that is not too old, nearest first, each with its last epoch that is not later than the
+    /// rover's, or the next one after.
+    fn fresh(&self, rover: Ecef, time_gps: GpsTime) -> Vec<(usize, usize)> {
         let fresh = self.bases.iter().enumerate().filter_map(|(base, epochs)| {
             let later = epochs.partition_point(|epoch| epoch.time_gps() <= time_gps);
             let newest = later.saturating_sub(1);
@@ -65,7 +74,9 @@ impl Differential {
             let distance_m = epoch.position().distance_m(rover);
             (age_s <= self.options.maximum_age_s).then_some((distance_m, base, newest))
         });
-        fresh.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, base, newest)| (base, newest))
+        let mut fresh: Vec<_> = fresh.collect();
+        fresh.sort_by(|a, b| a.0.total_cmp(&b.0));
+        fresh.into_iter().map(|(_, base, newest)| (base, newest)).collect()
     }
 
     fn count_stale(&self, observations: &[CorrectedObservation], time_gps: GpsTime, applied: &mut Applied) {
@@ -179,7 +190,8 @@ impl Differential {
         let elevation_rad = observation.direction.elevation_rad;
         let slant_m = position.distance_m(rover) / elevation_rad.sin().max(LOWEST_SINE);
         let other_code_m = if *is_other_code { options.other_code_sigma_m } else { 0.0 };
-        let variance_m2 = self.correction.stochastic.code.variance(observation.cn0_dbhz, elevation_rad)
+        let variance_m2 = code_variance_m2(self.correction.stochastic.code, observation)
+            + self.channel_variance_m2(observation)
             + correction.variance_m2
             + (options.age_sigma_mps * age_s).powi(2)
             + (options.distance_sigma * slant_m).powi(2)
@@ -188,5 +200,14 @@ impl Differential {
         let change_m = correction.change_of_message_m(&self.products, sent, *position);
         observation.pseudorange_m -= correction.correction_m + change_m;
         observation.pseudorange_sigma_m = variance_m2.sqrt();
+    }
+
+    /// Variance of the rover's biases between GLONASS' frequency channels, which a base of another make does not share, m².
+    fn channel_variance_m2(&self, observation: &CorrectedObservation) -> f64 {
+        let constellation = observation.satellite.constellation;
+        if constellation != Constellation::Glonass {
+            return 0.0;
+        }
+        self.correction.glonass_bias_sigma_m.powi(2) * variance_factor(observation.signal, constellation)
     }
 }

@@ -1,15 +1,16 @@
 //! A base's epoch and its corrections.
 
 use super::clock::common;
-use super::{CorrectedObservation, Corrector, DifferentialOptions};
+use super::{CorrectedObservation, Corrector, DifferentialOptions, code_variance_m2};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::Ecef;
 use crate::gnss::{ClockGroup, Constellation, ObservationEpoch, SatelliteId, SignalCode};
-use crate::orbit::{Products, SatelliteState};
+use crate::measurement::pair::pair_factor;
+use crate::orbit::{ClockReference, Products, SatelliteState};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
-/// When half of a base's corrections are larger than this, it is not where it is said to be, m. What models leave is smaller.
+/// When more than half of a base's corrections are larger than this, it is not where it is said to be, m. What models leave is smaller.
 const CONTRADICTION_M: f64 = 30.0;
 
 /// Signals of a constellation and band that a correction needs at least.
@@ -94,6 +95,11 @@ fn compute(
         let fellows: Vec<_> = observations.iter().filter(|o| o.clock_group() == group).collect();
         // One alone says nothing: its error and the base's clock are the same to it.
         if fellows.len() < FEWEST_FELLOWS {
+            for alone in fellows {
+                skips.add("base's signal alone in its constellation and band, corrects nothing", || {
+                    format!("{} {} at {}", alone.satellite, alone.signal, epoch.time_gps)
+                });
+            }
             continue;
         }
         let left = |o: &CorrectedObservation| o.pseudorange_m - o.satellite_position.distance_m(position);
@@ -114,9 +120,7 @@ fn compute(
                 satellite: observation.satellite,
                 signal: observation.signal,
                 correction_m,
-                variance_m2: options
-                    .base_code
-                    .variance(observation.cn0_dbhz, observation.direction.elevation_rad),
+                variance_m2: code_variance_m2(options.base_code, observation),
                 is_refused,
                 sent: epoch.time_gps + -(observation.pseudorange_m / SPEED_OF_LIGHT_MPS),
             });
@@ -125,7 +129,7 @@ fn compute(
     if contradicts(&corrections) {
         skips.add(
             "base's pseudoranges contradict its position, epoch not used: is the position right?",
-            || format!("{}: half of them are more than {CONTRADICTION_M} m off", epoch.time_gps),
+            || format!("{}: more than half of them are more than {CONTRADICTION_M} m off", epoch.time_gps),
         );
         corrections.clear();
     }
@@ -156,8 +160,25 @@ impl BaseCorrection {
         }
         let observed =
             |state: &SatelliteState| SPEED_OF_LIGHT_MPS * state.clock_s - state.position.distance_m(base);
-        observed(&new) - observed(&old)
+        let delay = |at| {
+            group_delay_m(products, (self.satellite, self.signal), new.clock_reference, at).unwrap_or(0.0)
+        };
+        observed(&new) - observed(&old) + delay(sent) - delay(self.sent)
     }
+}
+
+/// The group delay correction of a signal, or of a pair.
+fn group_delay_m(
+    products: &Products,
+    (satellite, signal): (SatelliteId, SignalCode),
+    reference: ClockReference,
+    time: GpsTime,
+) -> Option<f64> {
+    let of = |signal| products.group_delay_correction_m(satellite, signal, reference, time);
+    let Some((first, second)) = signal.bands_of_pair() else { return of(signal) };
+    let of_band = |band| of(SignalCode::new(band, signal.attribute)).unwrap_or(0.0);
+    let factor = pair_factor(signal, satellite.constellation)?;
+    Some(factor * of_band(first) - (factor - 1.0) * of_band(second))
 }
 
 /// Whether other messages of a satellite are in force at two instants.

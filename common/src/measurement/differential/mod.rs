@@ -25,7 +25,11 @@
 //!   an open sky dropping them is better, and can be chosen: a base that tracks GPS only brings a receiver of four systems from
 //!   3.0 m to 1.0 m so, to 0.3 m without the others, and to 0.2 m when it tracks them all (horizontal medians of `tests/differential_recordings.rs`).
 //!   Where nothing is corrected, everything stays as it is.
-//! - Base and rover may fall into the validity of two messages of a satellite. The difference of the two messages goes into the correction.
+//! - Base and rover may fall into the validity of two messages of a satellite. The difference of the two messages, of orbit, clock and
+//!   group delay, goes into the correction.
+//!
+//! What receivers add of their own does not cancel: the biases between GLONASS' frequency channels keep their sigma, and the
+//! noise of an ionosphere-free pair its factor, at the base and at the rover.
 //!
 //! Range rates are left alone: what a base could correct in them is millimetres per second.
 //!
@@ -40,6 +44,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use self::base::BaseEpoch;
+use super::pair::variance_factor;
 use super::{CorrectedObservation, CorrectionOptions, Corrector, VarianceModel};
 use crate::frames::Ecef;
 use crate::gnss::ObservationEpoch;
@@ -48,6 +53,12 @@ use crate::skips::Skips;
 
 /// Epochs of a base that are kept at most.
 const MOST_EPOCHS: usize = 1_000;
+
+/// Variance of an observation's code by a model, m². Of a pair both signals count as equally strong.
+fn code_variance_m2(model: VarianceModel, observation: &CorrectedObservation) -> f64 {
+    model.variance(observation.cn0_dbhz, observation.direction.elevation_rad)
+        * variance_factor(observation.signal, observation.satellite.constellation)
+}
 
 /// What the differential corrections may be told.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -164,7 +175,8 @@ impl Differential {
         }
     }
 
-    /// Takes an epoch of base number `base`, whose antenna is at `position`. Epochs of a base come in order of time.
+    /// Takes an epoch of base number `base`, whose antenna is at `position`. Epochs that come late, or with a date that
+    /// is far off, find their place among the others.
     pub fn add(&mut self, base: usize, epoch: ObservationEpoch, position: Ecef) {
         if self.bases.len() <= base {
             self.bases.resize_with(base + 1, VecDeque::new);
@@ -174,7 +186,8 @@ impl Differential {
         while epochs.len() >= MOST_EPOCHS || epochs.front().is_some_and(|first| first.time_gps() < oldest) {
             epochs.pop_front();
         }
-        epochs.push_back(BaseEpoch::new(epoch, position));
+        let at = epochs.partition_point(|known| known.time_gps() <= epoch.time_gps);
+        epochs.insert(at, BaseEpoch::new(epoch, position));
     }
 
     /// Whether there is any base epoch.

@@ -121,6 +121,34 @@ fn variances_are_propagated() {
     assert!((equal - 2.588).abs() < 1e-3, "{equal}");
 }
 
+/// What is known of an observation afterwards, its name, tells the same factor.
+#[test]
+fn the_factor_of_the_variance_follows_from_the_name() {
+    for (satellite, codes) in [
+        ("G01", [*b"1C", *b"5Q"]),
+        ("E01", [*b"1C", *b"7Q"]),
+        ("C30", [*b"2I", *b"6I"]),
+        ("R03", [*b"1C", *b"2C"]),
+    ] {
+        let signals = codes.map(|code| signal(satellite, code, 0.0)).to_vec();
+        let constellation = signals[0].observation.satellite.constellation;
+        assert_eq!(variance_factor(signals[0].observation.signal, constellation), 1.0);
+        let second = Ionosphere::Pair.combine(signals, &mut Skips::default())[0].second.unwrap();
+        let factor = variance_factor(second.pair, constellation);
+        assert!((factor - second.variance_m2(1.0, 1.0)).abs() < 1e-9, "{satellite}: {factor}");
+        assert!(factor > 6.0);
+    }
+}
+
+#[test]
+fn a_pair_whose_first_signal_lacks_a_doppler_has_the_seconds_rate() {
+    let first = PreparedObservation { range_rate_mps: None, ..signal("G01", *b"1C", 1.0) };
+    let second = signal("G01", *b"5Q", 1.0);
+    let rate_mps = second.range_rate_mps;
+    let pairs = Ionosphere::Pair.combine(vec![first, second], &mut Skips::default());
+    assert!(rate_mps.is_some() && pairs[0].range_rate_mps == rate_mps);
+}
+
 #[test]
 fn words_are_read_and_refused() {
     assert_eq!("model".parse(), Ok(Ionosphere::Model));
