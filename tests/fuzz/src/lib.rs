@@ -18,11 +18,13 @@ mod files;
 mod messages;
 pub mod mutation;
 mod portions;
+mod products;
 mod round_trip;
 mod streams;
 
 pub use files::{gzip, navigation, sp3, truth};
 pub use messages::{navbits, rtcm_messages, wire};
+pub use products::{biases, clocks, ionex};
 pub use streams::{challenge_table, compact_rinex, gnsslogger, observations, rtcm_stream};
 
 #[cfg(feature = "agent")]
@@ -37,6 +39,9 @@ pub const TARGETS: &[Target] = &[
     ("compact_rinex", compact_rinex),
     ("navigation", navigation),
     ("sp3", sp3),
+    ("clocks", clocks),
+    ("biases", biases),
+    ("ionex", ionex),
     ("gnsslogger", gnsslogger),
     ("navbits", navbits),
     ("rtcm_stream", rtcm_stream),
