@@ -49,7 +49,9 @@ pub fn clocks(bytes: &[u8]) {
     let span = products.clock_coverage();
     assert!(span.is_some_and(|(first, last)| first <= last), "{span:?}");
     for ClockRecord { satellite, time, .. } in records {
-        for time in [0.0, -15.0, 7.0, 300.0, 899.5].map(|offset_s| time + offset_s).into_iter().chain(extremes()) {
+        for time in
+            [0.0, -15.0, 7.0, 300.0, 899.5].map(|offset_s| time + offset_s).into_iter().chain(extremes())
+        {
             let Ok(state) = products.satellite_state(satellite, time) else { continue };
             checks::finite(&state, &(satellite, time));
             assert!(state.clock_s.abs() <= MAX_STATE_CLOCK_S, "{satellite} {time}: {state:?}");
@@ -106,14 +108,20 @@ pub fn biases(bytes: &[u8]) {
     assert!(span.is_some_and(|(first, last)| first < last), "{span:?}");
     for bias in biases {
         let ends = bias.end.into_iter().flat_map(|end| [end, end + 2.0]);
-        let instants = [bias.start, bias.start - 1.0, bias.start + 3_600.0].into_iter().chain(ends).chain(extremes());
+        let instants =
+            [bias.start, bias.start - 1.0, bias.start + 3_600.0].into_iter().chain(ends).chain(extremes());
         // Bands and attributes that the satellite may not have, too.
         let SignalCode { band, attribute } = bias.signal;
         let signals = [bias.signal, SignalCode::new(band, b'X'), SignalCode::new(b'1', attribute)];
         let corrections_m: Vec<Option<f64>> = instants
             .flat_map(|time| signals.map(|signal| (time, signal)))
             .map(|(time, signal)| {
-                products.group_delay_correction_m(bias.satellite, signal, ClockReference::IonosphereFree, time)
+                products.group_delay_correction_m(
+                    bias.satellite,
+                    signal,
+                    ClockReference::IonosphereFree,
+                    time,
+                )
             })
             .collect();
         // The first is that of the bias itself when it starts.
@@ -151,9 +159,11 @@ pub fn ionex(bytes: &[u8]) {
 /// Views from all over the Earth, its poles and beyond the date line included, upwards, to the horizon and below it.
 fn sights(time: GpsTime) -> impl Iterator<Item = LineOfSight> {
     const LATITUDES_DEG: [f64; 9] = [-90.0, -89.999_999, -60.0, -0.1, 0.0, 31.4, 75.0, 87.6, 90.0];
-    const LONGITUDES_DEG: [f64; 9] = [-540.0, -180.0, -179.999_999, -77.5, 0.0, 114.3, 180.0, 359.999_999, 725.0];
+    const LONGITUDES_DEG: [f64; 9] =
+        [-540.0, -180.0, -179.999_999, -77.5, 0.0, 114.3, 180.0, 359.999_999, 725.0];
     const ELEVATIONS_DEG: [f64; 3] = [-5.0, 12.0, 90.0];
-    let places = LATITUDES_DEG.into_iter().flat_map(|latitude| LONGITUDES_DEG.map(|longitude| (latitude, longitude)));
+    let places =
+        LATITUDES_DEG.into_iter().flat_map(|latitude| LONGITUDES_DEG.map(|longitude| (latitude, longitude)));
     places.flat_map(move |(latitude_deg, longitude_deg)| {
         ELEVATIONS_DEG.map(|elevation_deg: f64| LineOfSight {
             receiver: Geodetic::from_degrees(latitude_deg, longitude_deg, 100.0),
