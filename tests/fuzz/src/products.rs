@@ -16,8 +16,8 @@ use crate::checks;
 const MAX_CLOCK_S: f64 = 0.1;
 /// Clocks between records stay between them, and what is there of relativity is below a microsecond.
 const MAX_STATE_CLOCK_S: f64 = MAX_CLOCK_S + 1e-6;
-/// Biases that are believed, s.
-const MAX_BIAS_S: f64 = 1e-6;
+/// Biases that are believed, s: 1000 ns, as rounding has them.
+const MAX_BIAS_S: f64 = 1_000.0 * 1e-9;
 /// Vertical contents that are believed, TECU.
 const MAX_TEC_TECU: f64 = 1_000.0;
 /// Delay on L1 of a content of one TECU, m.
