@@ -13,6 +13,8 @@ use crate::time::{Calendar, GpsTime};
 
 /// Value that means "missing".
 const MISSING: i64 = 9_999;
+/// Contents beyond this are not believed, TECU, of either sign: strong storms reach three hundred, and maps come a little below zero.
+const MAX_TEC_TECU: f64 = 1_000.0;
 /// Values in a line.
 const VALUES_PER_LINE: usize = 16;
 /// Most nodes of a map that are believed: a grid of half a degree.
@@ -292,7 +294,17 @@ impl Reader {
             }
             let node = self.tec_tecu.get_mut(row * width + self.in_row);
             if let (Some(node), Some(value)) = (node, value.filter(|value| *value != MISSING)) {
-                *node = value as f64 * scale;
+                let tec_tecu = value as f64 * scale;
+                if tec_tecu.abs() <= MAX_TEC_TECU {
+                    *node = tec_tecu;
+                } else {
+                    self.skips.add("IONEX value that is impossibly large", || {
+                        format!(
+                            "line {number}, value {}: {tec_tecu} TECU; the limit is {MAX_TEC_TECU} TECU",
+                            k + 1
+                        )
+                    });
+                }
             }
             self.in_row += 1;
             self.in_map += usize::from(value.is_some());

@@ -104,7 +104,7 @@ impl RtcmDecoder {
         self.framer.frames()
     }
 
-    /// GLONASS frequency channels (−7…6) by slot, as far as the stream has told them (MSM5, MSM7, 1020).
+    /// GLONASS frequency channels by slot, as far as the stream has told them: MSM5 and MSM7 −7…6, 1020 up to 13.
     pub const fn glonass_channels(&self) -> &BTreeMap<u8, i8> {
         &self.glonass_channels
     }

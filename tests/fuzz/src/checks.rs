@@ -5,11 +5,17 @@ use std::ops::RangeInclusive;
 use cofix_common::decode::Record;
 use cofix_common::gnss::{Observation, ObservationEpoch, SatelliteId};
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, SatelliteState};
+use cofix_common::rinex::Packing;
 
 /// Memory that records may take per byte they were read from.
 const MEMORY_PER_BYTE: usize = 64;
 /// And beside that, for room that is set aside in the largest epoch.
 const MEMORY_AT_LEAST: usize = 1 << 20;
+
+/// Whether bytes are a packed file: what it holds is longer than itself.
+pub(crate) fn is_packed(bytes: &[u8]) -> bool {
+    Packing::of(bytes).is_some()
+}
 
 /// Values are finite, satellites have numbers, and records take no more memory than their text makes likely.
 pub(crate) fn records(records: &[Record], bytes: usize) {

@@ -1,22 +1,22 @@
 //! Files that are read whole.
 
-use std::io::Write;
+use std::io::{Read, Write};
 
 use cofix_common::accuracy::Truth;
 use cofix_common::gsdc::ground_truth;
 use cofix_common::orbit::{Products, Sp3};
-use cofix_common::rinex::{MAX_DECOMPRESSED_BYTES, NavigationDecoder, NavigationFile, decompress};
+use cofix_common::rinex::{MAX_DECOMPRESSED_BYTES, NavigationDecoder, NavigationFile, Packing, decompress};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
-use crate::portions::feed_both_ways;
+use crate::portions::{feed_both_ways, random_portions};
 use crate::{checks, round_trip};
 
 /// RINEX 2, 3 and 4 navigation.
 pub fn navigation(bytes: &[u8]) {
     let stream = feed_both_ways(NavigationDecoder::default, bytes);
     checks::records(&stream.records, bytes.len());
-    if bytes.starts_with(&[0x1f, 0x8b]) {
+    if checks::is_packed(bytes) {
         return;
     }
     let file = NavigationFile::parse(bytes);
@@ -82,18 +82,65 @@ pub fn truth(bytes: &[u8]) {
     }
 }
 
-/// Compressed files: what is compressed comes back, what is not passes, what is damaged is an error.
+/// Compressed files, gzip and `compress`: what is compressed comes back, however it is read, what is not passes, what is
+/// damaged is an error.
 pub fn gzip(bytes: &[u8]) {
-    match decompress(bytes) {
-        Ok(expanded) if bytes.starts_with(&[0x1f, 0x8b]) => {
-            assert!(expanded.len() as u64 <= MAX_DECOMPRESSED_BYTES);
-        }
-        Ok(same) => assert_eq!(*same, *bytes),
-        Err(error) => assert!(bytes.starts_with(&[0x1f, 0x8b]), "{error}"),
+    match Packing::of(bytes) {
+        None => assert_eq!(decompress(bytes).as_deref(), Ok(bytes)),
+        Some(packing) => expanded_both_ways(packing, bytes),
     }
     let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
     let compressed = encoder.write_all(bytes).and_then(|()| encoder.finish()).unwrap_or_default();
     assert_eq!(decompress(&compressed).as_deref(), Ok(bytes));
     let cut = compressed.get(..compressed.len() - 1).unwrap_or_default();
     assert!(decompress(cut).is_err(), "cut off by one byte");
+    assert_eq!(decompress(&compressed_of_literals(bytes)).as_deref(), Ok(bytes));
+}
+
+/// Expands at once and in portions, which must make no difference but for how much comes out before damage.
+fn expanded_both_ways(packing: Packing, bytes: &[u8]) {
+    let whole = decompress(bytes);
+    let (mut out, mut buffer) = (Vec::new(), [0; 37]);
+    let mut expanding = packing.expand(Portions(random_portions(bytes)));
+    let end = loop {
+        match expanding.read(&mut buffer) {
+            Ok(0) => break Ok(()),
+            Ok(count) => out.extend_from_slice(buffer.get(..count).unwrap_or_default()),
+            Err(error) => break Err(error),
+        }
+    };
+    assert_eq!(whole.is_ok(), end.is_ok(), "{:?} {end:?}", whole.as_ref().err());
+    assert!(out.len() as u64 <= MAX_DECOMPRESSED_BYTES);
+    assert!(whole.is_err() || whole.as_deref() == Ok(&*out), "in portions and at once");
+}
+
+/// Bytes as `compress` writes them, each with a code of nine bits, and the table emptied before codes of ten come.
+fn compressed_of_literals(bytes: &[u8]) -> Vec<u8> {
+    /// With the code that empties the table, and padding up to a whole group of eight codes.
+    const LITERALS: usize = 240;
+    const CLEAR: [u16; 8] = [256, 0, 0, 0, 0, 0, 0, 0];
+    let mut out = vec![0x1f, 0x9d, 0x90];
+    for part in bytes.chunks(LITERALS) {
+        let end = if part.len() == LITERALS { &CLEAR[..] } else { &[] };
+        let codes: Vec<u16> = part.iter().map(|byte| u16::from(*byte)).chain(end.iter().copied()).collect();
+        for group in codes.chunks(8) {
+            let bits = group.iter().rev().fold(0_u128, |bits, code| bits << 9 | u128::from(*code));
+            out.extend(bits.to_le_bytes().into_iter().take((9 * group.len()).div_ceil(8)));
+        }
+    }
+    out
+}
+
+/// A source that gives what it has in portions.
+struct Portions<'a>(Vec<&'a [u8]>);
+
+impl Read for Portions<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let Some(first) = self.0.first_mut() else { return Ok(0) };
+        let count = first.read(buffer)?;
+        if first.is_empty() {
+            self.0.remove(0);
+        }
+        Ok(count)
+    }
 }

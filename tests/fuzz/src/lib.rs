@@ -9,22 +9,28 @@
 //!     navigation tests/fuzz/corpus/navigation tests/fuzz/seeds/navigation -- -max_total_time=60
 //! ```
 //!
-//! No nightly compiler is needed. The target `stream` needs `--features libfuzzer,agent`.
+//! No nightly compiler is needed. The targets `stream` and `ntrip` need `--features libfuzzer,agent`.
 
 #![allow(clippy::missing_panics_doc)] // panics are how it says what is wrong
 
+#[cfg(feature = "agent")]
+mod casters;
 mod checks;
 mod files;
 mod messages;
 pub mod mutation;
 mod portions;
+mod products;
 mod round_trip;
 mod streams;
 
 pub use files::{gzip, navigation, sp3, truth};
 pub use messages::{navbits, rtcm_messages, wire};
+pub use products::{biases, clocks, ionex};
 pub use streams::{challenge_table, compact_rinex, gnsslogger, observations, rtcm_stream};
 
+#[cfg(feature = "agent")]
+pub use casters::ntrip;
 #[cfg(feature = "agent")]
 pub use streams::stream;
 
@@ -37,6 +43,9 @@ pub const TARGETS: &[Target] = &[
     ("compact_rinex", compact_rinex),
     ("navigation", navigation),
     ("sp3", sp3),
+    ("clocks", clocks),
+    ("biases", biases),
+    ("ionex", ionex),
     ("gnsslogger", gnsslogger),
     ("navbits", navbits),
     ("rtcm_stream", rtcm_stream),
@@ -47,4 +56,6 @@ pub const TARGETS: &[Target] = &[
     ("wire", wire),
     #[cfg(feature = "agent")]
     ("stream", stream),
+    #[cfg(feature = "agent")]
+    ("ntrip", ntrip),
 ];

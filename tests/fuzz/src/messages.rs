@@ -32,7 +32,14 @@ pub fn rtcm_messages(bytes: &[u8]) {
     rtcm_stream(&stream);
     let mut decoder = RtcmDecoder::new(RtcmOptions::near(near()));
     if decoder.feed(&stream).is_ok() {
-        assert!(decoder.glonass_channels().values().all(|channel| (-7..=6).contains(channel)));
+        assert!(decoder.glonass_channels().values().all(|channel| (-7..=13).contains(channel)));
+        if let Some(station) = decoder.station() {
+            assert!((6.33e6..=6.41e6).contains(&station.position.0.norm()), "{station:?}");
+            assert!(
+                station.antenna_height_m.is_none_or(|height_m| (0.0..6.6).contains(&height_m)),
+                "{station:?}"
+            );
+        }
     }
 }
 

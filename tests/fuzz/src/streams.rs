@@ -33,7 +33,7 @@ pub fn observations(bytes: &[u8]) {
     let outcome = feed_both_ways(ObservationDecoder::default, bytes);
     check(&outcome, bytes);
     checks::in_bounds(&outcome.records, &(1e6..=1e9));
-    if bytes.starts_with(&[0x1f, 0x8b]) {
+    if checks::is_packed(bytes) {
         return;
     }
     let file = ObservationFile::parse(bytes);

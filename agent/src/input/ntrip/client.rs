@@ -10,7 +10,7 @@ use cofix_common::frames::Ecef;
 use super::address::{Caster, Mount};
 use super::chunks::{Chunks, Damaged};
 use super::gga;
-use super::reply::{self, Reply};
+use super::reply::{Reply, read_reply};
 use crate::Stop;
 use crate::input::connection::{Dial, DialError, is_no_news};
 use crate::input::{PORTION_BYTES, tcp};
@@ -155,7 +155,7 @@ pub(super) fn await_reply(tcp: &mut TcpStream, stop: &Stop) -> Result<(Reply, Ve
         if ended && bytes.is_empty() {
             return Err(DialError::Failed("the caster closed the connection without a reply".to_owned()));
         }
-        if let Some((reply, length)) = reply::read(&bytes, ended) {
+        if let Some((reply, length)) = read_reply(&bytes, ended) {
             return Ok((reply, bytes.split_off(length.min(bytes.len()))));
         }
     }
@@ -164,7 +164,8 @@ pub(super) fn await_reply(tcp: &mut TcpStream, stop: &Stop) -> Result<(Reply, Ve
 }
 
 /// The data of a reply, freed of the transfer's coding.
-pub(super) struct Body {
+#[derive(Debug)]
+pub struct Body {
     chunks: Option<Chunks>,
     ready: Vec<u8>,
     given: usize,
@@ -172,20 +173,21 @@ pub(super) struct Body {
 }
 
 impl Body {
-    pub(super) fn new(chunked: bool) -> Self {
+    /// Of a reply that comes in chunks, or as it is.
+    pub fn new(chunked: bool) -> Self {
         Self { chunks: chunked.then(Chunks::default), ready: Vec::new(), given: 0, damaged: false }
     }
 
     /// Takes bytes as they came.
-    pub(super) fn take(&mut self, bytes: &[u8]) {
+    pub fn take(&mut self, bytes: &[u8]) {
         match &mut self.chunks {
             None => self.ready.extend_from_slice(bytes),
             Some(chunks) => self.damaged |= chunks.feed(bytes, &mut self.ready).is_err(),
         }
     }
 
-    /// Gives what is ready.
-    pub(super) fn give(&mut self, buffer: &mut [u8]) -> usize {
+    /// Gives what is ready, and how many bytes that is.
+    pub fn give(&mut self, buffer: &mut [u8]) -> usize {
         let ready = self.ready.get(self.given..).unwrap_or_default();
         let count = ready.len().min(buffer.len());
         for (to, from) in buffer.iter_mut().zip(ready) {
@@ -203,7 +205,7 @@ impl Body {
     ///
     /// # Errors
     /// When what came last is damaged.
-    pub(super) fn is_complete(&self) -> io::Result<bool> {
+    pub fn is_complete(&self) -> io::Result<bool> {
         if self.damaged {
             return Err(io::Error::new(io::ErrorKind::InvalidData, Damaged));
         }

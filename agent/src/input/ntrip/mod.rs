@@ -14,5 +14,6 @@ mod reply;
 mod sourcetable;
 
 pub use address::{Caster, CasterError, Mount, without_password};
-pub use client::{Client, RoverPosition};
+pub use client::{Body, Client, RoverPosition};
+pub use reply::{Reply, read_reply};
 pub use sourcetable::{Sourcetable, SourcetableError, StreamEntry, sourcetable};

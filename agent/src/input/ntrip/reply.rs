@@ -10,7 +10,7 @@ const SHOWN: usize = 80;
 
 /// What a caster answers.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Reply {
+pub enum Reply {
     /// What was asked for follows.
     Stream {
         /// In chunks.
@@ -32,7 +32,7 @@ pub(super) enum Reply {
 }
 
 /// Where the data begin, and what was answered. `None` until more bytes come. `ended`: no more will.
-pub(super) fn read(bytes: &[u8], ended: bool) -> Option<(Reply, usize)> {
+pub fn read_reply(bytes: &[u8], ended: bool) -> Option<(Reply, usize)> {
     if let Some(found) = first_revision(bytes) {
         return Some(found);
     }
@@ -89,7 +89,7 @@ fn second_revision(response: &httparse::Response<'_, '_>) -> Reply {
         found.map(|header| String::from_utf8_lossy(header.value).to_ascii_lowercase()).unwrap_or_default()
     };
     let code = response.code.unwrap_or_default();
-    let text = format!("{code} {}", response.reason.unwrap_or_default()).trim_end().to_owned();
+    let text = shown(format!("{code} {}", response.reason.unwrap_or_default()).as_bytes());
     let chunked = header("Transfer-Encoding").contains("chunked");
     match code {
         200 if header("Content-Type").contains("sourcetable") => Reply::Sourcetable { chunked },
@@ -143,9 +143,10 @@ mod tests {
             (b"HTTP/1.1 404 Not Found\r\n\r\n", Reply::NotFound("404 Not Found".to_owned()), b""),
             (b"HTTP/1.1 505 Version\r\n\r\n", Reply::NotUnderstood("505 Version".to_owned()), b""),
             (b"HTTP/1.1 503 Busy\r\n\r\n", Reply::Other("503 Busy".to_owned()), b""),
+            (b"HTTP/1.1 404 a\tb\r\n\r\n", Reply::NotFound("404 a\\tb".to_owned()), b""),
             (b"\x00\x01hello\r\n", Reply::Other("\\x00\\x01hello".to_owned()), b""),
         ] {
-            let (found, length) = read(text, false).unwrap();
+            let (found, length) = read_reply(text, false).unwrap();
             assert_eq!((found, &text[length..]), (reply, data), "{}", String::from_utf8_lossy(text));
         }
     }
@@ -153,9 +154,9 @@ mod tests {
     #[test]
     fn an_incomplete_head_waits_for_more_but_not_for_ever() {
         for text in [&b""[..], b"ICY 200 OK", b"HTTP/1.1 200 OK\r\nServer: x\r\n", b"ERR", b"SOURCETABLE 2"] {
-            assert_eq!(read(text, false), None, "{}", String::from_utf8_lossy(text));
-            assert!(matches!(read(text, true), Some((Reply::Other(_), _))));
+            assert_eq!(read_reply(text, false), None, "{}", String::from_utf8_lossy(text));
+            assert!(matches!(read_reply(text, true), Some((Reply::Other(_), _))));
         }
-        assert!(matches!(read(&vec![b'x'; 20_000], false), Some((Reply::Other(_), _))));
+        assert!(matches!(read_reply(&vec![b'x'; 20_000], false), Some((Reply::Other(_), _))));
     }
 }

@@ -13,6 +13,8 @@ use crate::input::tcp;
 
 /// The largest known ones have some hundred kilobytes.
 const MOST_BYTES: usize = 16 << 20;
+/// Names in a line with a longer one are not believed, and columns stay narrower than this, bytes.
+const LONGEST_FIELD: usize = 255;
 /// Longest time without a byte.
 const SILENCE: Duration = Duration::from_secs(10);
 const PORTION: usize = 16_384;
@@ -125,7 +127,10 @@ impl StreamEntry {
     /// longitude, whether a position is wanted.
     fn read(line: &str) -> Option<Self> {
         let fields: Vec<&str> = line.split(';').map(str::trim).collect();
-        let field = |at: usize| fields.get(at).map(|text| printable(text));
+        let field = |at: usize| {
+            let text = fields.get(at).map(|text| printable(text));
+            text.filter(|text| text.len() <= LONGEST_FIELD)
+        };
         let degrees = |at: usize, limit: f64| {
             let value: f64 = fields.get(at)?.parse().ok()?;
             (value.abs() <= limit).then_some(value)
@@ -188,6 +193,14 @@ mod tests {
         STR;VRS\u{1b}[2J;net;RTCM 3.2;1077(1);2;GPS;net;ESP;40.0;-3.7;1;1;x;none;B;N;9600;\r\n\
         STR;NOWHERE;net;RTCM 3.2;;0;GPS;net;XXX;;north;;;;\r\n\
         STR;short\r\nSTR;;a;b;c;d;e;f;g;1;2;\r\nENDSOURCETABLE\r\n";
+
+    #[test]
+    fn one_long_name_does_not_widen_all_lines() {
+        let long = format!("STR;{};x;RTCM 3;;2;GPS;net;DEU;1;2;0;\r\n", "M".repeat(300));
+        let table = Sourcetable::parse(&(long + TABLE));
+        assert_eq!((table.streams.len(), table.damaged_lines), (3, 3));
+        assert!(table.to_string().lines().all(|line| line.len() < 120), "{table}");
+    }
 
     #[test]
     fn streams_are_listed_and_shown() {

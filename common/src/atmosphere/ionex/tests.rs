@@ -93,6 +93,15 @@ fn missing_values_and_bad_rows_stay_holes() {
 }
 
 #[test]
+fn absurd_contents_stay_holes() {
+    let exponent = file().replacen("    -1", "    10", 1);
+    let file = Ionex::parse(exponent.as_bytes()).unwrap();
+    assert_eq!(file.skips.count("IONEX value that is impossibly large"), 2 * 57, "{}", file.skips);
+    assert!(file.skips.to_string().contains("1000000000000 TECU"), "{}", file.skips);
+    assert_eq!(tecu(&file, 60.0), Err(NoTec::Missing));
+}
+
+#[test]
 fn several_layers_and_other_files_are_refused_by_name() {
     let layers = header("   250.0 450.0  50.0") + &map("TEC", 1, FIRST, "100");
     let error = Ionex::parse(layers.as_bytes()).unwrap_err();
