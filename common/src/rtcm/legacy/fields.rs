@@ -64,6 +64,8 @@ pub(super) struct Satellite {
     pub(super) number: u8,
     /// GLONASS frequency channel, −7…13.
     pub(super) glonass_channel: Option<i8>,
+    /// Whether the pseudorange (DF011, DF041) is out of its range: some encoders mark missing ones by all bits set.
+    pub(super) is_beyond_modulus: bool,
     /// On L1.
     pub(super) first: Tracked,
     /// On L2, where the message has it.
@@ -111,6 +113,7 @@ fn satellite(bits: &mut Bits<'_>, kind: Kind) -> Result<Satellite, TooShort> {
     let indicator = bits.unsigned(1)?;
     let glonass_channel = if is_glonass { channel(bits.unsigned(5)?) } else { None };
     let remainder = i64::from(bits.unsigned(code_width)?) * CODE_STEP;
+    let is_beyond_modulus = remainder > modulus + CODE_STEP;
     let phase_difference = phase(bits)?;
     let lock = LockTime::whole_seconds(bits.unsigned(7)?);
     let base = remainder + i64::from(bits.unsigned(ambiguity_width)?) * modulus;
@@ -121,7 +124,7 @@ fn satellite(bits: &mut Bits<'_>, kind: Kind) -> Result<Satellite, TooShort> {
     let signal = Some(first_signal(indicator));
     let first = Tracked { signal, code, base, phase_difference, cn0_dbhz, lock };
     let second = if kind.has_second { Some(second(bits, kind.constellation, base)?) } else { None };
-    Ok(Satellite { number, glonass_channel, first, second })
+    Ok(Satellite { number, glonass_channel, is_beyond_modulus, first, second })
 }
 
 fn second(bits: &mut Bits<'_>, constellation: Constellation, base: i64) -> Result<Tracked, TooShort> {

@@ -60,6 +60,10 @@ impl RtcmDecoder {
         let mut observations = Vec::with_capacity(2 * message.satellites.len());
         for sent in &message.satellites {
             let Some(satellite) = self.legacy_satellite(time, kind.constellation, sent) else { continue };
+            if sent.is_beyond_modulus {
+                self.skips.add("pseudorange beyond its modulus", || format!("{satellite} at {time}"));
+                continue;
+            }
             let signals = std::iter::once(&sent.first).chain(&sent.second);
             observations.extend(signals.filter_map(|tracked| self.tracked(time, satellite, tracked)));
         }
