@@ -8,38 +8,7 @@ use cofix_common::decode::{Decoder, Record};
 use cofix_common::orbit::GlonassEphemeris;
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions, Station};
 use cofix_common::skips::Skips;
-use rtcm_support::{NOW, decode, frame_of};
-
-/// Writes bit fields, first bit first.
-#[derive(Default)]
-struct Writer(Vec<bool>);
-
-impl Writer {
-    fn unsigned(mut self, width: u32, value: u64) -> Self {
-        self.0.extend((0..width).rev().map(|bit| value >> bit & 1 == 1));
-        self
-    }
-
-    fn twos_complement(self, width: u32, value: i64) -> Self {
-        self.unsigned(width, value.cast_unsigned())
-    }
-
-    /// A sign and a magnitude.
-    fn signed(self, width: u32, value: i64) -> Self {
-        self.unsigned(1, u64::from(value < 0)).unsigned(width - 1, value.unsigned_abs())
-    }
-
-    fn frame(self) -> Vec<u8> {
-        let bytes: Vec<u8> = self
-            .0
-            .chunks(8)
-            .map(|bits| {
-                bits.iter().enumerate().fold(0, |sum, (place, bit)| sum | u8::from(*bit) << (7 - place))
-            })
-            .collect();
-        frame_of(&bytes)
-    }
-}
+use rtcm_support::{NOW, Writer, decode, frame_of};
 
 /// The fields that tests change. Numbers are as sent.
 #[derive(Clone, Copy)]

@@ -467,7 +467,7 @@ proptest! {
 
     #[test]
     fn any_content_in_a_valid_frame_is_survived(
-        kind in prop_oneof![1_070..1_138_u16, Just(1_019), Just(1_020), Just(1_042), 1_044..1_047_u16],
+        kind in prop_oneof![1_070..1_138_u16, 1_001..1_013_u16, Just(1_019), Just(1_020), Just(1_042), 1_044..1_047_u16],
         mut content in proptest::collection::vec(any::<u8>(), 2..400),
         sparse: bool,
         nanos: i64,

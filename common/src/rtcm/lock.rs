@@ -7,6 +7,8 @@ use crate::time::GpsTime;
 
 /// The highest indicator of DF407 that has a meaning.
 const LAST_EXTENDED: u32 = 704;
+/// DF013: the highest indicator says at least this, s.
+const LAST_WHOLE_SECONDS: f64 = 937.0;
 
 /// How long a phase has been tracked without interruption: at least `least_ms` and less than `below_ms`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,6 +26,21 @@ impl LockTime {
             i => f64::from(1_u32 << (i + 4)),
         };
         Self { least_ms: least(indicator), below_ms: least(indicator + 1) }
+    }
+
+    /// From DF013 and its kind (legacy messages), 0-127: whole seconds first, of which the steps double from 24 on.
+    pub(super) fn whole_seconds(indicator: u32) -> Self {
+        let least_s = |i: u32| match i {
+            0..24 => f64::from(i),
+            24..48 => f64::from(2 * i - 24),
+            48..72 => f64::from(4 * i - 120),
+            72..96 => f64::from(8 * i - 408),
+            96..120 => f64::from(16 * i - 1_176),
+            120..127 => f64::from(32 * i - 3_096),
+            127 => LAST_WHOLE_SECONDS,
+            _ => f64::INFINITY,
+        };
+        Self { least_ms: least_s(indicator) * 1e3, below_ms: least_s(indicator + 1) * 1e3 }
     }
 
     /// From DF407 (MSM6, MSM7), 0-704: whole milliseconds first, coarser by a factor of two every 32 steps from 64 on.
@@ -100,6 +117,23 @@ mod tests {
             assert_eq!(LockTime::fine(indicator).least_ms, least, "{indicator}");
         }
         assert_eq!(bounds(LockTime::fine(1_000)), (0.0, 1.0));
+        // RTCM 10403.3, table of DF013
+        for (indicator, least_s, below_s) in [
+            (0, 0.0, 1.0),
+            (23, 23.0, 24.0),
+            (24, 24.0, 26.0),
+            (47, 70.0, 72.0),
+            (48, 72.0, 76.0),
+            (72, 168.0, 176.0),
+            (96, 360.0, 376.0),
+            (119, 728.0, 744.0),
+            (120, 744.0, 776.0),
+            (126, 936.0, 937.0),
+            (127, 937.0, f64::INFINITY),
+        ] {
+            let expected = (least_s * 1e3, below_s * 1e3);
+            assert_eq!(bounds(LockTime::whole_seconds(indicator)), expected, "{indicator}");
+        }
         for indicator in 0..LAST_EXTENDED {
             assert!(LockTime::fine(indicator).least_ms < LockTime::fine(indicator).below_ms);
         }

@@ -1,4 +1,7 @@
-//! RTCM 3 streams: observations (MSM4 to MSM7), ephemerides and the station's position, by RTCM 10403.3.
+//! RTCM 3 streams: observations (MSM4 to MSM7, and the legacy messages 1002, 1004, 1010 and 1012), ephemerides and the station's
+//! position, by RTCM 10403.3.
+//!
+//! Where a stream has both kinds of observations of an epoch, those of MSM are used and the others counted.
 //!
 //! ```
 //! use cofix_common::decode::Decoder;
@@ -20,6 +23,7 @@ mod ephemeris;
 mod epoch;
 mod frame;
 mod glonass;
+mod legacy;
 mod lock;
 mod msm;
 mod signals;
@@ -35,6 +39,7 @@ use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId};
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
 use crate::time::GpsTime;
+use epoch::{Family, Part};
 
 /// After this many bytes without a frame the stream is not RTCM 3. A line may be noisy at the start, but not for so long.
 const MAX_BYTES_BEFORE_FIRST_FRAME: u64 = 65_536;
@@ -44,6 +49,8 @@ const MIN_PSEUDORANGE_M: f64 = 1e6;
 const MAX_SATELLITE: u8 = 63;
 /// QZSS satellites of the mask.
 const MAX_QZSS: u8 = 10;
+/// Why a GLONASS phase is left out.
+const NO_CHANNEL: &str = "phase and Doppler without a known GLONASS channel";
 
 /// What a stream does not say itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +75,7 @@ pub struct RtcmDecoder {
     clock: clock::StreamClock,
     assembler: epoch::Assembler,
     locks: lock::LockTimes,
+    legacy: legacy::Memory,
     glonass_channels: BTreeMap<u8, i8>,
     /// The last one of each satellite and message number: streams repeat them.
     ephemerides: BTreeMap<(SatelliteId, u32), KeplerEphemeris>,
@@ -89,6 +97,7 @@ impl RtcmDecoder {
             clock: clock::StreamClock { near, leap_seconds: options.leap_seconds },
             assembler: epoch::Assembler::default(),
             locks: lock::LockTimes::default(),
+            legacy: legacy::Memory::default(),
             glonass_channels: BTreeMap::new(),
             ephemerides: BTreeMap::new(),
             glonass_ephemerides: BTreeMap::new(),
@@ -104,7 +113,7 @@ impl RtcmDecoder {
         self.framer.frames()
     }
 
-    /// GLONASS frequency channels by slot, as far as the stream has told them: MSM5 and MSM7 −7…6, 1020 up to 13.
+    /// GLONASS frequency channels by slot, as far as the stream has told them: MSM5, MSM7, 1010 and 1012 −7…6, 1020 up to 13.
     pub const fn glonass_channels(&self) -> &BTreeMap<u8, i8> {
         &self.glonass_channels
     }
@@ -144,6 +153,7 @@ impl RtcmDecoder {
                 self.skips.add("SBAS observations are not used", || format!("message {number}"));
             }
             (Some((constellation, level)), _) => self.observations(bytes, number, constellation, level),
+            (None, _) if legacy::is_legacy(number) => self.legacy_observations(bytes, number),
             (None, 1019 | 1042 | 1044..=1046) => self.ephemeris(bytes, number),
             (None, 1020) => self.glonass_ephemeris(bytes),
             (None, 1005 | 1006) => self.station_position(bytes, number),
@@ -162,20 +172,31 @@ impl RtcmDecoder {
                 return;
             }
         };
-        let Some(time) = self.clock.resolve(constellation, message.sent) else {
-            self.skips
-                .add("message with an impossible time", || format!("message {number}: {:?}", message.sent));
-            return;
+        let Some(time) = self.admitted(number, constellation, message.sent) else { return };
+        let observations =
+            message.cells.iter().filter_map(|cell| self.observation(time, &message, cell)).collect();
+        let part = Part { time, family: Family::Msm, more_follow: message.more_follow, observations };
+        let complete = self.assembler.add(part, &mut self.skips);
+        self.records.extend(complete.into_iter().flatten().map(Record::Epoch));
+    }
+
+    /// The time of an observation message that is not too late; the stream's clock follows it.
+    fn admitted(
+        &mut self,
+        number: u32,
+        constellation: Constellation,
+        sent: clock::SentTime,
+    ) -> Option<GpsTime> {
+        let Some(time) = self.clock.resolve(constellation, sent) else {
+            self.skips.add("message with an impossible time", || format!("message {number}: {sent:?}"));
+            return None;
         };
         if !self.assembler.admits(time, &mut self.skips) {
-            return;
+            return None;
         }
         self.clock.near = time;
         self.told_time = true;
-        let observations =
-            message.cells.iter().filter_map(|cell| self.observation(time, &message, cell)).collect();
-        let complete = self.assembler.add(time, &message, observations, &mut self.skips);
-        self.records.extend(complete.into_iter().flatten().map(Record::Epoch));
+        Some(time)
     }
 
     fn too_short(&mut self, bytes: &[u8], number: u32) {
@@ -208,9 +229,7 @@ impl RtcmDecoder {
         let channel = self.glonass_channels.get(&cell.satellite).copied();
         let frequency_hz = signal.frequency_hz(constellation, channel);
         if frequency_hz.is_none() && (cell.phase_s().is_some() || cell.rate_mps.is_some()) {
-            self.skips.add("phase and Doppler without a known GLONASS channel", || {
-                format!("{satellite} {signal} at {time}")
-            });
+            self.skips.add(NO_CHANNEL, || format!("{satellite} {signal} at {time}"));
         }
         let pseudorange_m = cell.code_s().map(|travel_s| travel_s * SPEED_OF_LIGHT_MPS);
         if pseudorange_m.is_some_and(|p| p < MIN_PSEUDORANGE_M) {

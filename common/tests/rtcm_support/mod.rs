@@ -37,6 +37,40 @@ pub fn frame_of(content: &[u8]) -> Vec<u8> {
     frame
 }
 
+/// Writes bit fields, first bit first.
+#[derive(Clone, Default)]
+pub struct Writer(Vec<bool>);
+
+impl Writer {
+    /// The lowest bits of a number.
+    pub fn unsigned(mut self, width: u32, value: u64) -> Self {
+        self.0.extend((0..width).rev().map(|bit| value >> bit & 1 == 1));
+        self
+    }
+
+    /// A number in two's complement.
+    pub fn twos_complement(self, width: u32, value: i64) -> Self {
+        self.unsigned(width, value.cast_unsigned())
+    }
+
+    /// A sign and a magnitude.
+    pub fn signed(self, width: u32, value: i64) -> Self {
+        self.unsigned(1, u64::from(value < 0)).unsigned(width - 1, value.unsigned_abs())
+    }
+
+    /// The bits as a frame, filled up with zeros.
+    pub fn frame(self) -> Vec<u8> {
+        let bytes: Vec<u8> = self
+            .0
+            .chunks(8)
+            .map(|bits| {
+                bits.iter().enumerate().fold(0, |sum, (place, bit)| sum | u8::from(*bit) << (7 - place))
+            })
+            .collect();
+        frame_of(&bytes)
+    }
+}
+
 /// Everything that comes out of portions of a stream.
 pub fn decode(portions: &[&[u8]]) -> (Vec<Record>, Skips) {
     let mut decoder = RtcmDecoder::new(RtcmOptions::near(NOW.parse().unwrap()));

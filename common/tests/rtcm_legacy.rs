@@ -1,0 +1,565 @@
+//! Legacy observation messages (1001 to 1004, 1009 to 1012), written bit by bit here and by another implementation (rtcm-rs).
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
+
+mod rtcm_support;
+
+use cofix_common::constants::SPEED_OF_LIGHT_MPS;
+use cofix_common::decode::{Decoder, Record};
+use cofix_common::gnss::{Constellation, Observation, ObservationEpoch, SatelliteId, SignalCode};
+use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::skips::Skips;
+use proptest::prelude::*;
+use rtcm_rs::Message;
+use rtcm_rs::msg::{
+    GpsSigId, Msg1004Sat, Msg1004T, Msg1012Sat, Msg1012T, Msg1074Data, Msg1074Sig, Msg1074T, Msm46Sat,
+};
+use rtcm_rs::util::DataVec;
+use rtcm_support::{NOW, TOW_MS, Writer, decode, frame, frame_of};
+
+/// 14:19:53 GPST is 17:19:35 in Moscow.
+const MOSCOW_MS: u32 = ((17 * 60 + 19) * 60 + 35) * 1_000;
+const LIGHT_MS_M: f64 = 299_792.458;
+const NO_PHASE: i64 = 0x8_0000;
+const NO_CODE: i64 = 0x2000;
+
+/// One satellite, numbers as sent.
+#[derive(Clone, Copy, Debug)]
+struct Sent {
+    number: u64,
+    indicator: u64,
+    channel: u64,
+    code: u64,
+    phase: i64,
+    lock: u64,
+    ambiguity: u64,
+    cn0: u64,
+    second: Second,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Second {
+    indicator: u64,
+    code: i64,
+    phase: i64,
+    lock: u64,
+    cn0: u64,
+}
+
+/// 70 ms of travel and 1000 m, or of GLONASS twice that.
+const SENT: Sent = Sent {
+    number: 7,
+    indicator: 0,
+    channel: 12,
+    code: 50_000,
+    phase: 2_000,
+    lock: 127,
+    ambiguity: 70,
+    cn0: 170,
+    second: Second { indicator: 0, code: -100, phase: -3_000, lock: 127, cn0: 150 },
+};
+
+fn is_glonass(message: u64) -> bool {
+    message > 1_008
+}
+
+fn write(message: u64, time_ms: u32, more: u64, satellites: &[Sent]) -> Writer {
+    let glonass = is_glonass(message);
+    let start = Writer::default()
+        .unsigned(12, message)
+        .unsigned(12, 42)
+        .unsigned(if glonass { 27 } else { 30 }, time_ms.into())
+        .unsigned(1, more)
+        .unsigned(5, satellites.len() as u64)
+        .unsigned(4, 0);
+    satellites.iter().fold(start, |writer, sent| satellite(writer, message, sent))
+}
+
+fn satellite(writer: Writer, message: u64, sent: &Sent) -> Writer {
+    let glonass = is_glonass(message);
+    let has_second = (message - 1) % 4 >= 2;
+    let mut writer = writer.unsigned(6, sent.number).unsigned(1, sent.indicator);
+    if glonass {
+        writer = writer.unsigned(5, sent.channel);
+    }
+    writer = writer
+        .unsigned(if glonass { 25 } else { 24 }, sent.code)
+        .twos_complement(20, sent.phase)
+        .unsigned(7, sent.lock);
+    let extended = message % 2 == 0;
+    if extended {
+        writer = writer.unsigned(if glonass { 7 } else { 8 }, sent.ambiguity).unsigned(8, sent.cn0);
+    }
+    if !has_second {
+        return writer;
+    }
+    let second = &sent.second;
+    writer = writer
+        .unsigned(2, second.indicator)
+        .twos_complement(14, second.code)
+        .twos_complement(20, second.phase)
+        .unsigned(7, second.lock);
+    if extended { writer.unsigned(8, second.cn0) } else { writer }
+}
+
+fn message(message: u64, seconds: u32, more: u64, satellites: &[Sent]) -> Vec<u8> {
+    let start = if is_glonass(message) { MOSCOW_MS } else { TOW_MS };
+    write(message, start + seconds * 1_000, more, satellites).frame()
+}
+
+fn epochs(frames: &[Vec<u8>]) -> (Vec<ObservationEpoch>, Skips) {
+    let (records, skips) = decode(&[&frames.concat()]);
+    let epochs = records.into_iter().filter_map(|record| match record {
+        Record::Epoch(epoch) => Some(epoch),
+        Record::Ephemeris(_) | Record::Glonass(_) => None,
+    });
+    (epochs.collect(), skips)
+}
+
+fn names(epoch: &ObservationEpoch) -> String {
+    let name = |o: &Observation| format!("{}-{}", o.satellite, o.signal);
+    epoch.observations.iter().map(name).collect::<Vec<_>>().join(" ")
+}
+
+fn close(value: Option<f64>, expected: f64, tolerance: f64) {
+    assert!((value.expect("a value") - expected).abs() <= tolerance, "{value:?} is not {expected}");
+}
+
+fn cycles(range_m: f64, frequency_hz: f64) -> f64 {
+    range_m / SPEED_OF_LIGHT_MPS * frequency_hz
+}
+
+#[test]
+fn messages_of_both_systems_become_one_epoch_with_their_scales() {
+    let (epochs, skips) = epochs(&[message(1_004, 0, 1, &[SENT]), message(1_012, 0, 0, &[SENT])]);
+    assert!(skips.is_empty(), "{skips}");
+    let [epoch] = epochs.as_slice() else { panic!("{epochs:?}") };
+    assert_eq!(epoch.time_gps, NOW.parse().unwrap());
+    assert_eq!(names(epoch), "G07-1C G07-2X R07-1C R07-2C");
+    let ranges = [70.0 * LIGHT_MS_M + 1_000.0, 140.0 * LIGHT_MS_M + 1_000.0];
+    // channel 5
+    let frequencies = [[1_575.42e6, 1_227.6e6], [1_604.812_5e6, 1_248.187_5e6]];
+    for ((pair, range_m), frequencies) in epoch.observations.chunks(2).zip(ranges).zip(frequencies) {
+        close(pair[0].pseudorange_m, range_m, 1e-8);
+        close(pair[1].pseudorange_m, range_m - 2.0, 1e-8);
+        close(pair[0].carrier_phase_cycles, cycles(range_m + 1.0, frequencies[0]), 1e-6);
+        close(pair[1].carrier_phase_cycles, cycles(range_m - 1.5, frequencies[1]), 1e-6);
+        assert_eq!((pair[0].cn0_dbhz, pair[1].cn0_dbhz), (Some(42.5), Some(37.5)));
+        assert!(pair.iter().all(|o| o.doppler_hz.is_none() && !o.loss_of_lock.cycle_slip));
+    }
+}
+
+#[test]
+fn indicators_name_the_signals() {
+    let of = |number, first, second| Sent {
+        number,
+        indicator: first,
+        second: Second { indicator: second, ..SENT.second },
+        ..SENT
+    };
+    let satellites = [of(1, 0, 0), of(2, 1, 1), of(3, 0, 2), of(4, 0, 3)];
+    let (gps, skips) = epochs(&[message(1_004, 0, 0, &satellites)]);
+    assert_eq!(names(&gps[0]), "G01-1C G01-2X G02-1P G02-2P G03-1C G03-2D G04-1C G04-2W", "{skips}");
+    let (glonass, skips) = epochs(&[message(1_012, 0, 0, &satellites)]);
+    assert_eq!(names(&glonass[0]), "R01-1C R01-2C R02-1P R02-2P R03-1C R04-1C");
+    assert_eq!((skips.total(), skips.count("reserved signal number")), (2, 2), "{skips}");
+    let single = epochs(&[message(1_002, 0, 1, &satellites), message(1_010, 0, 0, &satellites[..1])]).0;
+    assert_eq!(names(&single[0]), "G01-1C G02-1P G03-1C G04-1C R01-1C");
+}
+
+#[test]
+fn values_that_are_marked_as_missing_are_missing() {
+    let no_phases =
+        Sent { phase: NO_PHASE, second: Second { phase: NO_PHASE, ..SENT.second }, number: 1, ..SENT };
+    let second = Second { code: NO_CODE, phase: NO_PHASE, cn0: 0, ..SENT.second };
+    let only_first = Sent { second, cn0: 0, number: 2, ..SENT };
+    let only_second = Sent { phase: NO_PHASE, cn0: 0, number: 3, ..SENT };
+    let all_ones = Sent { code: u64::MAX, number: 4, ..SENT };
+    let second = Second { code: NO_CODE, ..SENT.second };
+    let phase_alone = Sent { second, number: 5, ..SENT };
+    let satellites = [no_phases, only_first, only_second, all_ones, phase_alone];
+    for (number, system, signal) in [(1_004, 'G', "2X"), (1_012, 'R', "2C")] {
+        let (epochs, skips) = epochs(&[message(number, 0, 0, &satellites)]);
+        let s = system;
+        let expected = format!("{s}01-1C {s}01-{signal} {s}02-1C {s}03-{signal} {s}05-1C {s}05-{signal}");
+        assert_eq!(names(&epochs[0]), expected);
+        let has: Vec<_> = epochs[0]
+            .observations
+            .iter()
+            .map(|o| (o.pseudorange_m.is_some(), o.carrier_phase_cycles.is_some(), o.cn0_dbhz.is_some()))
+            .collect();
+        let (code, all) = ((true, false, true), (true, true, true));
+        assert_eq!(has, [code, code, (true, true, false), all, all, (false, true, true)]);
+        assert_eq!(skips.count("L1 pseudorange without phase and C/N0 is not valid"), 1, "{skips}");
+        assert_eq!(skips.count("pseudorange beyond its modulus"), 1, "{skips}");
+        assert_eq!(skips.total(), 2, "{skips}");
+    }
+}
+
+#[test]
+fn satellites_that_are_none_are_counted() {
+    let of = |number| Sent { number, ..SENT };
+    let numbers = [0, 1, 32, 33, 39, 40, 58, 59, 63].map(of);
+    let (gps, skips) = epochs(&[message(1_002, 0, 0, &numbers)]);
+    assert_eq!(names(&gps[0]), "G01-1C G32-1C");
+    assert_eq!(skips.count("SBAS observations are not used"), 2, "{skips}");
+    assert_eq!(skips.count("reserved satellite number"), 5, "{skips}");
+    let near = Sent { ambiguity: 3, ..of(4) };
+    let (glonass, skips) = epochs(&[message(1_010, 0, 0, &[of(0), of(1), of(24), of(38), near])]);
+    assert_eq!(names(&glonass[0]), "R01-1C R24-1C R04-1C");
+    let nearer = Sent { ambiguity: 1, ..near };
+    assert_eq!(epochs(&[message(1_010, 0, 0, &[nearer])]).1.count("pseudorange below 1e6 m"), 1);
+    assert_eq!(skips.count("GLONASS satellite of an unknown slot"), 1, "{skips}");
+    assert_eq!(skips.count("SBAS observations are not used"), 1, "{skips}");
+}
+
+#[test]
+fn a_channel_is_learnt_and_a_reserved_one_is_not() {
+    let reserved = Sent { channel: 21, ..SENT };
+    let frames =
+        [message(1_012, 0, 0, &[reserved]), message(1_012, 1, 0, &[SENT]), message(1_012, 2, 0, &[reserved])];
+    let mut decoder = RtcmDecoder::new(RtcmOptions::near(NOW.parse().unwrap()));
+    decoder.feed(&frames.concat()).unwrap();
+    assert_eq!(decoder.glonass_channels().get(&7), Some(&5));
+    let phases: Vec<_> = std::iter::from_fn(|| decoder.next_record())
+        .map(|record| match record {
+            Record::Epoch(epoch) => epoch.observations[0].carrier_phase_cycles.is_some(),
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert_eq!(phases, [false, true, true]);
+    assert_eq!(decoder.skips().count("phase and Doppler without a known GLONASS channel"), 2);
+}
+
+/// The indicator counts seconds first.
+#[test]
+fn lock_times_tell_slips() {
+    let at = |seconds, first, second| {
+        let second = Second { lock: second, ..SENT.second };
+        message(1_004, seconds, 0, &[Sent { lock: first, second, ..SENT }])
+    };
+    let (epochs, skips) = epochs(&[at(0, 10, 0), at(1, 11, 0), at(2, 5, 1), at(10, 5, 9), at(11, 6, 10)]);
+    assert!(skips.is_empty(), "{skips}");
+    let slips: Vec<_> = epochs
+        .iter()
+        .map(|epoch| {
+            (epoch.observations[0].loss_of_lock.cycle_slip, epoch.observations[1].loss_of_lock.cycle_slip)
+        })
+        .collect();
+    assert_eq!(slips, [(false, false), (false, true), (true, false), (true, false), (false, false)]);
+}
+
+/// Code and phase diverge slowly; what is sent of them is brought back by 1500 cycles again and again, which must not show.
+#[test]
+fn rollovers_of_the_phase_are_undone_until_the_lock_is_lost() {
+    let wavelengths = [SPEED_OF_LIGHT_MPS / 1_575.42e6, SPEED_OF_LIGHT_MPS / 1_227.6e6];
+    let rolled = |difference_m: f64, wavelength_m: f64| {
+        let mut difference_m = difference_m;
+        while difference_m < -262.0 {
+            difference_m += 1_500.0 * wavelength_m;
+        }
+        (difference_m / 0.000_5).round() as i64
+    };
+    let drift = |seconds: u32| -f64::from(seconds) * 2.5;
+    let at = |seconds: u32, lock| {
+        let [first, second] = wavelengths.map(|wavelength_m| rolled(drift(seconds), wavelength_m));
+        let second = Second { phase: second, lock, ..SENT.second };
+        message(1_004, seconds, 0, &[Sent { phase: first, lock, second, ..SENT }])
+    };
+    let held: Vec<_> = (0..500).map(|seconds| at(seconds, 127)).chain([at(500, 0)]).collect();
+    let (epochs, skips) = epochs(&held);
+    assert!(skips.is_empty(), "{skips}");
+    let range_m = 70.0 * LIGHT_MS_M + 1_000.0;
+    let (last, before) = epochs.split_last().unwrap();
+    for (seconds, epoch) in (0..).zip(before) {
+        for (o, wavelength_m) in epoch.observations.iter().zip(wavelengths) {
+            close(o.carrier_phase_cycles, (range_m + drift(seconds)) / wavelength_m, 0.000_26 / wavelength_m);
+            assert!(!o.loss_of_lock.cycle_slip);
+        }
+    }
+    for (o, wavelength_m) in last.observations.iter().zip(wavelengths) {
+        let sent_m = rolled(drift(500), wavelength_m) as f64 * 0.000_5;
+        close(o.carrier_phase_cycles, (range_m + sent_m) / wavelength_m, 1e-5);
+        assert!(o.loss_of_lock.cycle_slip);
+    }
+}
+
+#[test]
+fn messages_without_whole_milliseconds_are_counted_with_the_reason() {
+    for number in [1_001, 1_003, 1_009, 1_011] {
+        let (epochs, skips) = epochs(&[message(number, 0, 0, &[SENT]), message(number, 1, 0, &[SENT])]);
+        assert!(epochs.is_empty());
+        let reason = format!("message {number} is not used: pseudoranges without whole milliseconds");
+        assert_eq!((skips.total(), skips.count(&reason)), (2, 2), "{skips}");
+    }
+}
+
+#[test]
+fn messages_cut_short_and_impossible_times_are_counted() {
+    for number in [1_002, 1_004, 1_010, 1_012] {
+        let whole = message(number, 0, 0, &[SENT, Sent { number: 8, ..SENT }]);
+        let content = &whole[3..whole.len() - 3];
+        for length in 2..content.len() {
+            let (records, skips) = decode(&[&frame_of(&content[..length])]);
+            assert!(records.is_empty(), "{number}: {length} of {} bytes", content.len());
+            assert_eq!(skips.count("message shorter than its type demands"), 1, "{length}: {skips}");
+        }
+        let late = write(number, if is_glonass(number) { 86_401_000 } else { 604_800_000 }, 0, &[SENT]);
+        let (records, skips) = decode(&[&late.frame()]);
+        assert!(records.is_empty() && skips.count("message with an impossible time") == 1, "{skips}");
+    }
+}
+
+fn list<T: Default + Clone, const N: usize>(items: impl IntoIterator<Item = T>) -> DataVec<T, N> {
+    let mut list = DataVec::new();
+    items.into_iter().for_each(|item| list.push(item));
+    list
+}
+
+/// Satellite 7 by MSM4, on L1 C/A and L2 Z-tracking, with the pseudorange of `SENT`.
+fn msm(seconds: u32, more: u8) -> Vec<u8> {
+    let range_ms = 70.0 + 1_000.0 / LIGHT_MS_M;
+    let rough = (range_ms % 1.0 * 1_024.0).floor() / 1_024.0;
+    frame(&Message::Msg1074(Msg1074T {
+        gps_epoch_time_ms: TOW_MS + seconds * 1_000,
+        msm_multiple_message_flag: more,
+        data_segment: Msg1074Data {
+            satellite_data: list([Msm46Sat {
+                satellite_id: 7,
+                gnss_satellite_rough_range_integer_ms: Some(70),
+                gnss_satellite_rough_range_mod1ms_ms: rough,
+                ..Msm46Sat::default()
+            }]),
+            signal_data: list([GpsSigId::new(1, 'C'), GpsSigId::new(2, 'W')].map(|signal_id| Msg1074Sig {
+                satellite_id: 7,
+                signal_id,
+                gnss_signal_fine_pseudorange_ms: Some(range_ms - 70.0 - rough),
+                gnss_signal_fine_phaserange_ms: Some(0.0),
+                gnss_phaserange_lock_time_ind: 15,
+                ..Msg1074Sig::default()
+            })),
+        },
+        ..Msg1074T::default()
+    }))
+}
+
+const OUTRANKED: &str = "legacy observation of a signal that MSM has too";
+
+/// The other satellite has legacy observations alone.
+#[test]
+fn multiple_signal_messages_outrank_legacy_ones_of_the_same_epoch() {
+    let both = [SENT, Sent { number: 8, ..SENT }];
+    let legacy_first = [message(1_004, 0, 1, &both), msm(0, 0)];
+    let legacy_last = [msm(0, 1), message(1_004, 0, 0, &both)];
+    for (frames, expected) in
+        [(legacy_first, "G08-1C G08-2X G07-1C G07-2W"), (legacy_last, "G07-1C G07-2W G08-1C G08-2X")]
+    {
+        let (epochs, skips) = epochs(&frames);
+        assert_eq!(epochs.iter().map(names).collect::<Vec<_>>(), [expected]);
+        assert_eq!((skips.total(), skips.count(OUTRANKED)), (2, 2), "{skips}");
+    }
+}
+
+/// The first epoch is given out with its legacy message; where the kind of message changes, phases may have a step.
+#[test]
+fn a_stream_that_marks_the_legacy_message_as_the_last_costs_one_message() {
+    let frames: Vec<_> = (0..4).flat_map(|s| [message(1_004, s, 0, &[SENT]), msm(s, 0)]).collect();
+    let (epochs, skips) = epochs(&frames);
+    let named: Vec<_> = epochs.iter().map(names).collect();
+    assert_eq!(named, ["G07-1C G07-2X", "G07-1C G07-2W", "G07-1C G07-2W", "G07-1C G07-2W"]);
+    let slips: Vec<_> = epochs.iter().map(|e| e.observations[0].loss_of_lock.cycle_slip).collect();
+    assert_eq!(slips, [false, true, false, false]);
+    assert_eq!(skips.count("message after the one marked as its epoch's last"), 1, "{skips}");
+    assert_eq!((skips.total(), skips.count(OUTRANKED)), (7, 6), "{skips}");
+}
+
+#[test]
+fn a_legacy_message_after_the_last_multiple_signal_message_costs_nothing() {
+    let frames: Vec<_> = (0..3).flat_map(|s| [msm(s, 0), message(1_004, s, 0, &[SENT])]).collect();
+    let (epochs, skips) = epochs(&frames);
+    assert_eq!(epochs.iter().map(names).collect::<Vec<_>>(), ["G07-1C G07-2W"; 3]);
+    assert_eq!((skips.total(), skips.count(OUTRANKED)), (6, 6), "{skips}");
+}
+
+/// Values of one satellite in their own units.
+#[derive(Clone, Copy, Debug)]
+struct Truth {
+    number: u8,
+    channel: i8,
+    range_m: f64,
+    difference_m: f64,
+    phases_m: [f64; 2],
+    cn0s_dbhz: [f64; 2],
+}
+
+fn truth(number: u8) -> impl Strategy<Value = Truth> {
+    let phase = || -262.0..262.0;
+    let cn0 = || 0.3..63.7;
+    (-7..=13_i8, 1.9e7..2.9e7, -163.0..163.0, [phase(), phase()], [cn0(), cn0()]).prop_map(
+        move |(channel, range_m, difference_m, phases_m, cn0s_dbhz)| Truth {
+            number,
+            channel,
+            range_m,
+            difference_m,
+            phases_m,
+            cn0s_dbhz,
+        },
+    )
+}
+
+fn truths() -> impl Strategy<Value = Vec<Truth>> {
+    (1..=24_u8).prop_map(truth).prop_flat_map(|one| one).prop_flat_map(|first| {
+        proptest::collection::vec(truth(0), 0..20).prop_map(move |others| {
+            let numbered = (0..).zip(std::iter::once(first).chain(others));
+            numbered.map(|(i, t)| Truth { number: 1 + (first.number + i) % 24, ..t }).collect()
+        })
+    })
+}
+
+impl Truth {
+    /// As numbers of the message, phases less the pseudorange that is sent.
+    fn sent(&self, modulus_m: f64) -> Sent {
+        let raw = |value: f64, unit: f64| (value / unit).round() as i64;
+        let ambiguity = (self.range_m / modulus_m).floor();
+        let code = raw(self.range_m - ambiguity * modulus_m, 0.02);
+        let base_m = ambiguity * modulus_m + code as f64 * 0.02;
+        let phase = |index: usize| raw(self.range_m + self.phases_m[index] - base_m, 0.000_5);
+        Sent {
+            number: self.number.into(),
+            channel: (i64::from(self.channel) + 7).unsigned_abs(),
+            code: code.unsigned_abs(),
+            phase: phase(0),
+            ambiguity: ambiguity as u64,
+            cn0: raw(self.cn0s_dbhz[0], 0.25).unsigned_abs(),
+            second: Second {
+                code: raw(self.range_m + self.difference_m - base_m, 0.02),
+                phase: phase(1),
+                cn0: raw(self.cn0s_dbhz[1], 0.25).unsigned_abs(),
+                ..SENT.second
+            },
+            ..SENT
+        }
+    }
+}
+
+fn gps_by_another(truths: &[Truth]) -> Vec<u8> {
+    let satellites = truths.iter().map(|truth| {
+        let sent = truth.sent(LIGHT_MS_M);
+        let metres = |raw: i64, unit: f64| raw as f64 * unit;
+        Msg1004Sat {
+            gps_satellite_id: truth.number,
+            gps_l1_code_ind: 0,
+            l1_pseudorange_m: Some(sent.code as f64 * 0.02),
+            l1_phase_pseudorange_diff_m: Some(metres(sent.phase, 0.000_5)),
+            l1_lock_time_index: 127,
+            l1_pseudorange_amb_m: sent.ambiguity as f64 * LIGHT_MS_M,
+            l1_cnr_dbhz: Some(sent.cn0 as f32 * 0.25),
+            gps_l2_code_ind: 0,
+            l2_l1_pseudorange_diff_m: Some(metres(sent.second.code, 0.02) as f32),
+            l2_phase_l1_pseudorange_diff_m: Some(metres(sent.second.phase, 0.000_5)),
+            l2_lock_time_index: 127,
+            l2_cnr_dbhz: Some(sent.second.cn0 as f32 * 0.25),
+        }
+    });
+    frame(&Message::Msg1004(Msg1004T {
+        reference_station_id: 42,
+        gps_epoch_time_ms: TOW_MS,
+        satellites: list(satellites),
+        ..Msg1004T::default()
+    }))
+}
+
+fn glonass_by_another(truths: &[Truth]) -> Vec<u8> {
+    let satellites = truths.iter().map(|truth| {
+        let sent = truth.sent(2.0 * LIGHT_MS_M);
+        let metres = |raw: i64, unit: f64| raw as f64 * unit;
+        Msg1012Sat {
+            glo_satellite_id: truth.number,
+            glo_satellite_freq_chan_number: truth.channel,
+            l1_pseudorange_m: Some(sent.code as f64 * 0.02),
+            l1_phase_pseudorange_diff_m: Some(metres(sent.phase, 0.000_5)),
+            l1_lock_time_index: 127,
+            l1_pseudorange_amb_m: sent.ambiguity as f64 * 2.0 * LIGHT_MS_M,
+            l1_cnr_dbhz: Some(sent.cn0 as f32 * 0.25),
+            l2_l1_pseudorange_diff_m: Some(metres(sent.second.code, 0.02) as f32),
+            l2_phase_l1_pseudorange_diff_m: Some(metres(sent.second.phase, 0.000_5)),
+            l2_lock_time_index: 127,
+            l2_cnr_dbhz: Some(sent.second.cn0 as f32 * 0.25),
+            ..Msg1012Sat::default()
+        }
+    });
+    frame(&Message::Msg1012(Msg1012T {
+        reference_station_id: 42,
+        glo_epoch_time_ms: MOSCOW_MS,
+        satellites: list(satellites),
+        ..Msg1012T::default()
+    }))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
+
+    #[test]
+    fn what_is_written_comes_back_to_the_messages_resolution(
+        truths in truths(),
+        kind in prop_oneof![Just(1_002_u64), Just(1_004), Just(1_010), Just(1_012)],
+    ) {
+        let (system, modulus_m) = if is_glonass(kind) {
+            (Constellation::Glonass, 2.0 * LIGHT_MS_M)
+        } else {
+            (Constellation::Gps, LIGHT_MS_M)
+        };
+        let sent: Vec<_> = truths.iter().map(|truth| truth.sent(modulus_m)).collect();
+        let (epochs, skips) = epochs(&[message(kind, 0, 0, &sent)]);
+        prop_assert!(skips.is_empty(), "{}", skips);
+        let both = kind % 4 == 0;
+        prop_assert_eq!(epochs[0].observations.len(), truths.len() * if both { 2 } else { 1 });
+        for truth in &truths {
+            let second = if is_glonass(kind) { b'C' } else { b'X' };
+            let signals = [(b'1', b'C', 0.0), (b'2', second, truth.difference_m)];
+            for (index, (band, attribute, difference_m)) in signals.iter().enumerate().take(1 + usize::from(both)) {
+                let signal = SignalCode::new(*band, *attribute);
+                let satellite = SatelliteId::new(system, truth.number);
+                let of = |o: &&Observation| (o.satellite, o.signal) == (satellite, signal);
+                let o = epochs[0].observations.iter().find(of).unwrap();
+                let frequency_hz = signal.frequency_hz(system, Some(truth.channel)).unwrap();
+                let phase_m = o.carrier_phase_cycles.unwrap() / frequency_hz * SPEED_OF_LIGHT_MPS;
+                let error = |value: f64, expected: f64| (value - expected).abs();
+                prop_assert!(error(o.pseudorange_m.unwrap(), truth.range_m + difference_m) < 0.010_001);
+                prop_assert!(error(phase_m, truth.range_m + truth.phases_m[index]) < 0.000_251, "{:?}", o);
+                prop_assert!(error(o.cn0_dbhz.unwrap(), truth.cn0s_dbhz[index]) <= 0.125);
+            }
+        }
+    }
+
+    #[test]
+    fn another_implementation_writes_the_same_message(truths in truths()) {
+        let sent = |modulus_m| truths.iter().map(|truth| truth.sent(modulus_m)).collect::<Vec<_>>();
+        prop_assert_eq!(message(1_004, 0, 0, &sent(LIGHT_MS_M)), gps_by_another(&truths));
+        prop_assert_eq!(message(1_012, 0, 0, &sent(2.0 * LIGHT_MS_M)), glonass_by_another(&truths));
+    }
+
+    #[test]
+    fn any_content_is_survived(
+        kind in 1_001..1_013_u64,
+        count in 0..32_u64,
+        content in proptest::collection::vec(any::<u64>(), 0..90),
+        seconds in 0..100_u32,
+    ) {
+        let start = if is_glonass(kind) { MOSCOW_MS } else { TOW_MS };
+        let time_bits = if is_glonass(kind) { 27 } else { 30 };
+        let header = Writer::default()
+            .unsigned(12, kind)
+            .unsigned(12, 1)
+            .unsigned(time_bits, (start + seconds).into())
+            .unsigned(1, 0)
+            .unsigned(5, count);
+        let whole = content.iter().fold(header, |writer, bits| writer.unsigned(64, *bits)).frame();
+        let (epochs, _) = epochs(&[whole]);
+        for o in epochs.iter().flat_map(|epoch| &epoch.observations) {
+            prop_assert!(o.pseudorange_m.is_none_or(|p| (1e6..1e8).contains(&p)), "{:?}", o);
+            prop_assert!(o.carrier_phase_cycles.is_none_or(|p| (1e6..1e9).contains(&p)), "{:?}", o);
+            prop_assert!(o.cn0_dbhz.is_none_or(|c| (0.25..64.0).contains(&c)), "{:?}", o);
+        }
+    }
+}
