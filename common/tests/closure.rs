@@ -685,3 +685,25 @@ fn orbits_of_a_quarter_of_an_hour_hold_to_their_ends() {
     println!("at the end {:.4} m, in the middle {:.6} m", worst_m[0], worst_m[1]);
     assert!(worst_m[0] < 0.01 && worst_m[1] < 1e-3, "{worst_m:?}");
 }
+
+/// The precise orbits end, or begin, between the epochs of base and rover, and messages are off by metres.
+#[test]
+fn differential_corrections_close_where_precise_orbits_end_and_begin() {
+    let mut file = navigation();
+    for message in &mut file.ephemerides {
+        message.clock.0 += 1e-8 * f64::from(message.satellite.number).cos();
+    }
+    for (sp3, name) in [(sp3_between(-12, 0, 300.0), "end"), (sp3_between(0, 12, 300.0), "begin")] {
+        let products = Arc::new(Products::new(vec![sp3], vec![file.clone()]));
+        let before = Receiver { tag: week_start() - 5.0, ..base() };
+        let after = Receiver { tag: week_start() + 1.0, ..rover() };
+        let (correction, options) = (CorrectionOptions::default(), DifferentialOptions::default());
+        let mut differential = Differential::new(products.clone(), correction, options);
+        differential.add(0, before.epoch(), before.position);
+        let mut observations = after.corrected(&products, Ionosphere::Model);
+        differential.apply(&mut observations, after.position, after.tag);
+        for (group, (_, spread_m)) in after.spreads(&observations) {
+            assert!(spread_m < 0.01, "{name} {group}: {spread_m} m");
+        }
+    }
+}

@@ -143,27 +143,31 @@ fn contradicts(corrections: &[BaseCorrection]) -> bool {
 }
 
 impl BaseCorrection {
-    /// How the correction would be different by the message that is in force at `sent`, m, seen from the base. Zero when it is the same
-    /// message, and with precise orbits.
+    /// How the correction would be different by the message that is in force at `sent`, m, seen from the base, or by a message in place
+    /// of precise orbits that end in between (or begin). Zero when it is the same message, and with precise orbits at both instants.
     pub(super) fn change_of_message_m(&self, products: &Products, sent: GpsTime, base: Ecef) -> f64 {
-        if !has_changed(products, self.satellite, self.sent, sent) {
-            return 0.0;
-        }
-        let (Some(old), Ok(new)) = (
-            state_by(products, self.satellite, self.sent, sent),
-            products.satellite_state(self.satellite, sent),
-        ) else {
-            return 0.0;
-        };
-        if old.clock_reference != new.clock_reference {
-            return 0.0;
-        }
+        let satellite = self.satellite;
+        let state = |at| products.satellite_state(satellite, at).ok();
+        let (Some(then), Some(now)) = (state(self.sent), state(sent)) else { return 0.0 };
         let observed =
-            |state: &SatelliteState| SPEED_OF_LIGHT_MPS * state.clock_s - state.position.distance_m(base);
-        let delay = |at| {
-            group_delay_m(products, (self.satellite, self.signal), new.clock_reference, at).unwrap_or(0.0)
+            |state: SatelliteState| SPEED_OF_LIGHT_MPS * state.clock_s - state.position.distance_m(base);
+        let change_m = match (then.clock_reference, now.clock_reference) {
+            (ClockReference::IonosphereFree, ClockReference::IonosphereFree) => None,
+            // Precise orbits cover the base's instant only, ...
+            (ClockReference::IonosphereFree, ClockReference::Broadcast) => {
+                state_by(products, satellite, sent, self.sent).map(|new| observed(new) - observed(then))
+            }
+            // ... the message of the base reaches to the rover's.
+            (ClockReference::Broadcast, _) => has_changed(products, satellite, self.sent, sent, &now)
+                .then(|| state_by(products, satellite, self.sent, sent))
+                .flatten()
+                .map(|old| observed(now) - observed(old)),
         };
-        observed(&new) - observed(&old) + delay(sent) - delay(self.sent)
+        let delay_m =
+            |reference, at| group_delay_m(products, (satellite, self.signal), reference, at).unwrap_or(0.0);
+        change_m.map_or(0.0, |change_m| {
+            change_m + delay_m(now.clock_reference, sent) - delay_m(then.clock_reference, self.sent)
+        })
     }
 }
 
@@ -181,8 +185,17 @@ fn group_delay_m(
     Some(factor * of_band(first) - (factor - 1.0) * of_band(second))
 }
 
-/// Whether other messages of a satellite are in force at two instants.
-fn has_changed(products: &Products, satellite: SatelliteId, a: GpsTime, b: GpsTime) -> bool {
+/// Whether the state at the second of two instants is by another message than that of the first.
+fn has_changed(
+    products: &Products,
+    satellite: SatelliteId,
+    a: GpsTime,
+    b: GpsTime,
+    state: &SatelliteState,
+) -> bool {
+    if state.clock_reference == ClockReference::IonosphereFree {
+        return true;
+    }
     if satellite.constellation == Constellation::Glonass {
         return products.glonass_ephemeris(satellite, a) != products.glonass_ephemeris(satellite, b);
     }

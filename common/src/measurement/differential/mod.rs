@@ -25,7 +25,7 @@
 //!   an open sky dropping them is better, and can be chosen: a base that tracks GPS only brings a receiver of four systems from
 //!   3.0 m to 1.0 m so, to 0.3 m without the others, and to 0.2 m when it tracks them all (horizontal medians of `tests/differential_recordings.rs`).
 //!   Where nothing is corrected, everything stays as it is.
-//! - Base and rover may fall into the validity of two messages of a satellite. The difference of the two messages, of orbit, clock and
+//! - Base and rover may fall into the validity of two messages of a satellite, or one of them beyond the precise orbits. The difference of the two, of orbit, clock and
 //!   group delay, goes into the correction.
 //!
 //! What receivers add of their own does not cancel: the biases between GLONASS' frequency channels keep their sigma, and the
