@@ -26,6 +26,12 @@ pub enum AgentError {
     /// The hub cannot be reached.
     #[error(transparent)]
     Link(#[from] LinkError),
+    /// Two kinds of corrections that do not go together.
+    #[error(
+        "recorded corrections and a base station do not go together: the base's are right only for the models that the agent uses; \
+         choose one of them"
+    )]
+    TwoCorrections,
     /// Publishing failed.
     #[error(transparent)]
     Publication(#[from] PublicationError),
@@ -122,6 +128,9 @@ struct Prepared<'a> {
 
 impl<'a> Prepared<'a> {
     fn new(config: &'a AgentConfig, stop: &Stop) -> Result<Self, AgentError> {
+        if config.pipeline.recorded_corrections && !config.corrections.is_none() {
+            return Err(AgentError::TwoCorrections);
+        }
         let loaded = Loaded::read(&config.products)?;
         let Loaded { mut products, mut skips, near } = loaded;
         let reading = Reading { near, log: config.log.clone() };

@@ -140,6 +140,10 @@ fn wrong_arguments_are_refused() {
     let assert = agent(folder.path(), "good.rnx", &["--speed", "fast"]).code(2);
     let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
     assert!(text.contains("speed"), "{text}");
+    let both = ["--recorded-corrections", "--corrections", "good.rnx"];
+    let assert = agent(folder.path(), "good.rnx", &both).code(1);
+    let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+    assert!(text.contains("do not go together"), "{text}");
     let assert = agent(folder.path(), "good.rnx", &["--ionosphere", "none"]).code(2);
     let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
     assert!(text.contains("'pair-only'"), "{text}");
