@@ -1,6 +1,6 @@
 //! Products beside orbits: clocks, biases and maps of the ionosphere, and what they give at any instant and place.
 
-use cofix_common::atmosphere::Ionex;
+use cofix_common::atmosphere::{Ionex, IonosphereMap};
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::frames::{Direction, Ecef, Geodetic};
 use cofix_common::gnss::{SatelliteId, SignalCode};
@@ -141,8 +141,8 @@ pub fn ionex(bytes: &[u8]) {
     assert!(!file.maps.is_empty());
     // A map takes no more memory than its header's grid, and half of the grid's values must be there.
     assert!(file.maps.len() <= bytes.len() / 100, "{} maps", file.maps.len());
-    assert!(file.maps.is_sorted_by_key(|map| map.time()));
-    let times: Vec<GpsTime> = file.maps.iter().take(8).map(|map| map.time()).collect();
+    assert!(file.maps.is_sorted_by_key(IonosphereMap::time));
+    let times: Vec<GpsTime> = file.maps.iter().take(8).map(IonosphereMap::time).collect();
     let mut products = Products::default();
     products.add_ionosphere_maps(file);
     let span = products.ionosphere_map_coverage();
