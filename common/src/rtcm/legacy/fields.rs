@@ -164,7 +164,7 @@ const fn first_signal(indicator: u32) -> SignalCode {
 const fn second_signal(constellation: Constellation, indicator: u32) -> Option<SignalCode> {
     let attribute = match (constellation, indicator) {
         (Constellation::Gps, 0) => b'X',
-        (Constellation::Gps, 1) | (Constellation::Glonass, 1) => b'P',
+        (Constellation::Gps | Constellation::Glonass, 1) => b'P',
         (Constellation::Gps, 2) => b'D',
         (Constellation::Gps, 3) => b'W',
         (Constellation::Glonass, 0) => b'C',
