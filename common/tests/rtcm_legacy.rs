@@ -86,7 +86,7 @@ fn satellite(writer: Writer, message: u64, sent: &Sent) -> Writer {
         .unsigned(if glonass { 25 } else { 24 }, sent.code)
         .twos_complement(20, sent.phase)
         .unsigned(7, sent.lock);
-    let extended = message % 2 == 0;
+    let extended = message.is_multiple_of(2);
     if extended {
         writer = writer.unsigned(if glonass { 7 } else { 8 }, sent.ambiguity).unsigned(8, sent.cn0);
     }
@@ -127,6 +127,13 @@ fn close(value: Option<f64>, expected: f64, tolerance: f64) {
 
 fn cycles(range_m: f64, frequency_hz: f64) -> f64 {
     range_m / SPEED_OF_LIGHT_MPS * frequency_hz
+}
+
+/// The nearest number of units.
+fn raw(value: f64, unit: f64) -> i64 {
+    #[allow(clippy::cast_possible_truncation)] // tests stay far below
+    let raw = (value / unit).round() as i64;
+    raw
 }
 
 #[test]
@@ -258,7 +265,7 @@ fn rollovers_of_the_phase_are_undone_until_the_lock_is_lost() {
         while difference_m < -262.0 {
             difference_m += 1_500.0 * wavelength_m;
         }
-        (difference_m / 0.000_5).round() as i64
+        raw(difference_m, 0.000_5)
     };
     let drift = |seconds: u32| -f64::from(seconds) * 2.5;
     let at = |seconds: u32, lock| {
@@ -328,7 +335,6 @@ fn msm(seconds: u32, more: u8) -> Vec<u8> {
                 satellite_id: 7,
                 gnss_satellite_rough_range_integer_ms: Some(70),
                 gnss_satellite_rough_range_mod1ms_ms: rough,
-                ..Msm46Sat::default()
             }]),
             signal_data: list([GpsSigId::new(1, 'C'), GpsSigId::new(2, 'W')].map(|signal_id| Msg1074Sig {
                 satellite_id: 7,
@@ -419,7 +425,6 @@ fn truths() -> impl Strategy<Value = Vec<Truth>> {
 impl Truth {
     /// As numbers of the message, phases less the pseudorange that is sent.
     fn sent(&self, modulus_m: f64) -> Sent {
-        let raw = |value: f64, unit: f64| (value / unit).round() as i64;
         let ambiguity = (self.range_m / modulus_m).floor();
         let code = raw(self.range_m - ambiguity * modulus_m, 0.02);
         let base_m = ambiguity * modulus_m + code as f64 * 0.02;
@@ -429,7 +434,7 @@ impl Truth {
             channel: (i64::from(self.channel) + 7).unsigned_abs(),
             code: code.unsigned_abs(),
             phase: phase(0),
-            ambiguity: ambiguity as u64,
+            ambiguity: raw(ambiguity, 1.0).unsigned_abs(),
             cn0: raw(self.cn0s_dbhz[0], 0.25).unsigned_abs(),
             second: Second {
                 code: raw(self.range_m + self.difference_m - base_m, 0.02),
@@ -445,18 +450,17 @@ impl Truth {
 fn gps_by_another(truths: &[Truth]) -> Vec<u8> {
     let satellites = truths.iter().map(|truth| {
         let sent = truth.sent(LIGHT_MS_M);
-        let metres = |raw: i64, unit: f64| raw as f64 * unit;
         Msg1004Sat {
             gps_satellite_id: truth.number,
             gps_l1_code_ind: 0,
             l1_pseudorange_m: Some(sent.code as f64 * 0.02),
-            l1_phase_pseudorange_diff_m: Some(metres(sent.phase, 0.000_5)),
+            l1_phase_pseudorange_diff_m: Some(sent.phase as f64 * 0.000_5),
             l1_lock_time_index: 127,
             l1_pseudorange_amb_m: sent.ambiguity as f64 * LIGHT_MS_M,
             l1_cnr_dbhz: Some(sent.cn0 as f32 * 0.25),
             gps_l2_code_ind: 0,
-            l2_l1_pseudorange_diff_m: Some(metres(sent.second.code, 0.02) as f32),
-            l2_phase_l1_pseudorange_diff_m: Some(metres(sent.second.phase, 0.000_5)),
+            l2_l1_pseudorange_diff_m: Some(sent.second.code as f32 * 0.02),
+            l2_phase_l1_pseudorange_diff_m: Some(sent.second.phase as f64 * 0.000_5),
             l2_lock_time_index: 127,
             l2_cnr_dbhz: Some(sent.second.cn0 as f32 * 0.25),
         }
@@ -472,17 +476,16 @@ fn gps_by_another(truths: &[Truth]) -> Vec<u8> {
 fn glonass_by_another(truths: &[Truth]) -> Vec<u8> {
     let satellites = truths.iter().map(|truth| {
         let sent = truth.sent(2.0 * LIGHT_MS_M);
-        let metres = |raw: i64, unit: f64| raw as f64 * unit;
         Msg1012Sat {
             glo_satellite_id: truth.number,
             glo_satellite_freq_chan_number: truth.channel,
             l1_pseudorange_m: Some(sent.code as f64 * 0.02),
-            l1_phase_pseudorange_diff_m: Some(metres(sent.phase, 0.000_5)),
+            l1_phase_pseudorange_diff_m: Some(sent.phase as f64 * 0.000_5),
             l1_lock_time_index: 127,
             l1_pseudorange_amb_m: sent.ambiguity as f64 * 2.0 * LIGHT_MS_M,
             l1_cnr_dbhz: Some(sent.cn0 as f32 * 0.25),
-            l2_l1_pseudorange_diff_m: Some(metres(sent.second.code, 0.02) as f32),
-            l2_phase_l1_pseudorange_diff_m: Some(metres(sent.second.phase, 0.000_5)),
+            l2_l1_pseudorange_diff_m: Some(sent.second.code as f32 * 0.02),
+            l2_phase_l1_pseudorange_diff_m: Some(sent.second.phase as f64 * 0.000_5),
             l2_lock_time_index: 127,
             l2_cnr_dbhz: Some(sent.second.cn0 as f32 * 0.25),
             ..Msg1012Sat::default()
