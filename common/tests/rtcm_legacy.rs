@@ -1,4 +1,4 @@
-//! Legacy observation messages (1001 to 1004, 1009 to 1012), written bit by bit here and by another implementation (rtcm-rs).
+//! Legacy observation messages (1001 to 1004, 1009 to 1012): their values, what is missing, and streams that have MSM too.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
@@ -6,120 +6,13 @@ mod rtcm_support;
 
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::decode::{Decoder, Record};
-use cofix_common::gnss::{Constellation, Observation, ObservationEpoch, SatelliteId, SignalCode};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
-use cofix_common::skips::Skips;
-use proptest::prelude::*;
 use rtcm_rs::Message;
-use rtcm_rs::msg::{
-    GpsSigId, Msg1004Sat, Msg1004T, Msg1012Sat, Msg1012T, Msg1074Data, Msg1074Sig, Msg1074T, Msm46Sat,
+use rtcm_rs::msg::{GpsSigId, Msg1074Data, Msg1074Sig, Msg1074T, Msm46Sat};
+use rtcm_support::legacy::{
+    LIGHT_MS_M, NO_CODE, NO_PHASE, SENT, Second, Sent, epochs, is_glonass, list, message, names, raw, write,
 };
-use rtcm_rs::util::DataVec;
-use rtcm_support::{NOW, TOW_MS, Writer, decode, frame, frame_of};
-
-/// 14:19:53 GPST is 17:19:35 in Moscow.
-const MOSCOW_MS: u32 = ((17 * 60 + 19) * 60 + 35) * 1_000;
-const LIGHT_MS_M: f64 = 299_792.458;
-const NO_PHASE: i64 = 0x8_0000;
-const NO_CODE: i64 = 0x2000;
-
-/// One satellite, numbers as sent.
-#[derive(Clone, Copy, Debug)]
-struct Sent {
-    number: u64,
-    indicator: u64,
-    channel: u64,
-    code: u64,
-    phase: i64,
-    lock: u64,
-    ambiguity: u64,
-    cn0: u64,
-    second: Second,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Second {
-    indicator: u64,
-    code: i64,
-    phase: i64,
-    lock: u64,
-    cn0: u64,
-}
-
-/// 70 ms of travel and 1000 m, or of GLONASS twice that.
-const SENT: Sent = Sent {
-    number: 7,
-    indicator: 0,
-    channel: 12,
-    code: 50_000,
-    phase: 2_000,
-    lock: 127,
-    ambiguity: 70,
-    cn0: 170,
-    second: Second { indicator: 0, code: -100, phase: -3_000, lock: 127, cn0: 150 },
-};
-
-fn is_glonass(message: u64) -> bool {
-    message > 1_008
-}
-
-fn write(message: u64, time_ms: u32, more: u64, satellites: &[Sent]) -> Writer {
-    let glonass = is_glonass(message);
-    let start = Writer::default()
-        .unsigned(12, message)
-        .unsigned(12, 42)
-        .unsigned(if glonass { 27 } else { 30 }, time_ms.into())
-        .unsigned(1, more)
-        .unsigned(5, satellites.len() as u64)
-        .unsigned(4, 0);
-    satellites.iter().fold(start, |writer, sent| satellite(writer, message, sent))
-}
-
-fn satellite(writer: Writer, message: u64, sent: &Sent) -> Writer {
-    let glonass = is_glonass(message);
-    let has_second = (message - 1) % 4 >= 2;
-    let mut writer = writer.unsigned(6, sent.number).unsigned(1, sent.indicator);
-    if glonass {
-        writer = writer.unsigned(5, sent.channel);
-    }
-    writer = writer
-        .unsigned(if glonass { 25 } else { 24 }, sent.code)
-        .twos_complement(20, sent.phase)
-        .unsigned(7, sent.lock);
-    let extended = message.is_multiple_of(2);
-    if extended {
-        writer = writer.unsigned(if glonass { 7 } else { 8 }, sent.ambiguity).unsigned(8, sent.cn0);
-    }
-    if !has_second {
-        return writer;
-    }
-    let second = &sent.second;
-    writer = writer
-        .unsigned(2, second.indicator)
-        .twos_complement(14, second.code)
-        .twos_complement(20, second.phase)
-        .unsigned(7, second.lock);
-    if extended { writer.unsigned(8, second.cn0) } else { writer }
-}
-
-fn message(message: u64, seconds: u32, more: u64, satellites: &[Sent]) -> Vec<u8> {
-    let start = if is_glonass(message) { MOSCOW_MS } else { TOW_MS };
-    write(message, start + seconds * 1_000, more, satellites).frame()
-}
-
-fn epochs(frames: &[Vec<u8>]) -> (Vec<ObservationEpoch>, Skips) {
-    let (records, skips) = decode(&[&frames.concat()]);
-    let epochs = records.into_iter().filter_map(|record| match record {
-        Record::Epoch(epoch) => Some(epoch),
-        Record::Ephemeris(_) | Record::Glonass(_) => None,
-    });
-    (epochs.collect(), skips)
-}
-
-fn names(epoch: &ObservationEpoch) -> String {
-    let name = |o: &Observation| format!("{}-{}", o.satellite, o.signal);
-    epoch.observations.iter().map(name).collect::<Vec<_>>().join(" ")
-}
+use rtcm_support::{NOW, TOW_MS, decode, frame, frame_of};
 
 fn close(value: Option<f64>, expected: f64, tolerance: f64) {
     assert!((value.expect("a value") - expected).abs() <= tolerance, "{value:?} is not {expected}");
@@ -127,13 +20,6 @@ fn close(value: Option<f64>, expected: f64, tolerance: f64) {
 
 fn cycles(range_m: f64, frequency_hz: f64) -> f64 {
     range_m / SPEED_OF_LIGHT_MPS * frequency_hz
-}
-
-/// The nearest number of units.
-fn raw(value: f64, unit: f64) -> i64 {
-    #[allow(clippy::cast_possible_truncation)] // tests stay far below
-    let raw = (value / unit).round() as i64;
-    raw
 }
 
 #[test]
@@ -317,12 +203,6 @@ fn messages_cut_short_and_impossible_times_are_counted() {
     }
 }
 
-fn list<T: Default + Clone, const N: usize>(items: impl IntoIterator<Item = T>) -> DataVec<T, N> {
-    let mut list = DataVec::new();
-    items.into_iter().for_each(|item| list.push(item));
-    list
-}
-
 /// Satellite 7 by MSM4, on L1 C/A and L2 Z-tracking, with the pseudorange of `SENT`.
 fn msm(seconds: u32, more: u8) -> Vec<u8> {
     let range_ms = 70.0 + 1_000.0 / LIGHT_MS_M;
@@ -385,184 +265,4 @@ fn a_legacy_message_after_the_last_multiple_signal_message_costs_nothing() {
     let (epochs, skips) = epochs(&frames);
     assert_eq!(epochs.iter().map(names).collect::<Vec<_>>(), ["G07-1C G07-2W"; 3]);
     assert_eq!((skips.total(), skips.count(OUTRANKED)), (6, 6), "{skips}");
-}
-
-/// Values of one satellite in their own units.
-#[derive(Clone, Copy, Debug)]
-struct Truth {
-    number: u8,
-    channel: i8,
-    range_m: f64,
-    difference_m: f64,
-    phases_m: [f64; 2],
-    cn0s_dbhz: [f64; 2],
-}
-
-fn truth(number: u8) -> impl Strategy<Value = Truth> {
-    let phase = || -262.0..262.0;
-    let cn0 = || 0.3..63.7;
-    (-7..=13_i8, 1.9e7..2.9e7, -163.0..163.0, [phase(), phase()], [cn0(), cn0()]).prop_map(
-        move |(channel, range_m, difference_m, phases_m, cn0s_dbhz)| Truth {
-            number,
-            channel,
-            range_m,
-            difference_m,
-            phases_m,
-            cn0s_dbhz,
-        },
-    )
-}
-
-fn truths() -> impl Strategy<Value = Vec<Truth>> {
-    (1..=24_u8).prop_map(truth).prop_flat_map(|one| one).prop_flat_map(|first| {
-        proptest::collection::vec(truth(0), 0..20).prop_map(move |others| {
-            let numbered = (0..).zip(std::iter::once(first).chain(others));
-            numbered.map(|(i, t)| Truth { number: 1 + (first.number + i) % 24, ..t }).collect()
-        })
-    })
-}
-
-impl Truth {
-    /// As numbers of the message, phases less the pseudorange that is sent.
-    fn sent(&self, modulus_m: f64) -> Sent {
-        let ambiguity = (self.range_m / modulus_m).floor();
-        let code = raw(self.range_m - ambiguity * modulus_m, 0.02);
-        let base_m = ambiguity * modulus_m + code as f64 * 0.02;
-        let phase = |index: usize| raw(self.range_m + self.phases_m[index] - base_m, 0.000_5);
-        Sent {
-            number: self.number.into(),
-            channel: (i64::from(self.channel) + 7).unsigned_abs(),
-            code: code.unsigned_abs(),
-            phase: phase(0),
-            ambiguity: raw(ambiguity, 1.0).unsigned_abs(),
-            cn0: raw(self.cn0s_dbhz[0], 0.25).unsigned_abs(),
-            second: Second {
-                code: raw(self.range_m + self.difference_m - base_m, 0.02),
-                phase: phase(1),
-                cn0: raw(self.cn0s_dbhz[1], 0.25).unsigned_abs(),
-                ..SENT.second
-            },
-            ..SENT
-        }
-    }
-}
-
-fn gps_by_another(truths: &[Truth]) -> Vec<u8> {
-    let satellites = truths.iter().map(|truth| {
-        let sent = truth.sent(LIGHT_MS_M);
-        Msg1004Sat {
-            gps_satellite_id: truth.number,
-            gps_l1_code_ind: 0,
-            l1_pseudorange_m: Some(sent.code as f64 * 0.02),
-            l1_phase_pseudorange_diff_m: Some(sent.phase as f64 * 0.000_5),
-            l1_lock_time_index: 127,
-            l1_pseudorange_amb_m: sent.ambiguity as f64 * LIGHT_MS_M,
-            l1_cnr_dbhz: Some(sent.cn0 as f32 * 0.25),
-            gps_l2_code_ind: 0,
-            l2_l1_pseudorange_diff_m: Some(sent.second.code as f32 * 0.02),
-            l2_phase_l1_pseudorange_diff_m: Some(sent.second.phase as f64 * 0.000_5),
-            l2_lock_time_index: 127,
-            l2_cnr_dbhz: Some(sent.second.cn0 as f32 * 0.25),
-        }
-    });
-    frame(&Message::Msg1004(Msg1004T {
-        reference_station_id: 42,
-        gps_epoch_time_ms: TOW_MS,
-        satellites: list(satellites),
-        ..Msg1004T::default()
-    }))
-}
-
-fn glonass_by_another(truths: &[Truth]) -> Vec<u8> {
-    let satellites = truths.iter().map(|truth| {
-        let sent = truth.sent(2.0 * LIGHT_MS_M);
-        Msg1012Sat {
-            glo_satellite_id: truth.number,
-            glo_satellite_freq_chan_number: truth.channel,
-            l1_pseudorange_m: Some(sent.code as f64 * 0.02),
-            l1_phase_pseudorange_diff_m: Some(sent.phase as f64 * 0.000_5),
-            l1_lock_time_index: 127,
-            l1_pseudorange_amb_m: sent.ambiguity as f64 * 2.0 * LIGHT_MS_M,
-            l1_cnr_dbhz: Some(sent.cn0 as f32 * 0.25),
-            l2_l1_pseudorange_diff_m: Some(sent.second.code as f32 * 0.02),
-            l2_phase_l1_pseudorange_diff_m: Some(sent.second.phase as f64 * 0.000_5),
-            l2_lock_time_index: 127,
-            l2_cnr_dbhz: Some(sent.second.cn0 as f32 * 0.25),
-            ..Msg1012Sat::default()
-        }
-    });
-    frame(&Message::Msg1012(Msg1012T {
-        reference_station_id: 42,
-        glo_epoch_time_ms: MOSCOW_MS,
-        satellites: list(satellites),
-        ..Msg1012T::default()
-    }))
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
-
-    #[test]
-    fn what_is_written_comes_back_to_the_messages_resolution(
-        truths in truths(),
-        kind in prop_oneof![Just(1_002_u64), Just(1_004), Just(1_010), Just(1_012)],
-    ) {
-        let (system, modulus_m) = if is_glonass(kind) {
-            (Constellation::Glonass, 2.0 * LIGHT_MS_M)
-        } else {
-            (Constellation::Gps, LIGHT_MS_M)
-        };
-        let sent: Vec<_> = truths.iter().map(|truth| truth.sent(modulus_m)).collect();
-        let (epochs, skips) = epochs(&[message(kind, 0, 0, &sent)]);
-        prop_assert!(skips.is_empty(), "{}", skips);
-        let both = kind % 4 == 0;
-        prop_assert_eq!(epochs[0].observations.len(), truths.len() * if both { 2 } else { 1 });
-        for truth in &truths {
-            let second = if is_glonass(kind) { b'C' } else { b'X' };
-            let signals = [(b'1', b'C', 0.0), (b'2', second, truth.difference_m)];
-            for (index, (band, attribute, difference_m)) in signals.iter().enumerate().take(1 + usize::from(both)) {
-                let signal = SignalCode::new(*band, *attribute);
-                let satellite = SatelliteId::new(system, truth.number);
-                let of = |o: &&Observation| (o.satellite, o.signal) == (satellite, signal);
-                let o = epochs[0].observations.iter().find(of).unwrap();
-                let frequency_hz = signal.frequency_hz(system, Some(truth.channel)).unwrap();
-                let phase_m = o.carrier_phase_cycles.unwrap() / frequency_hz * SPEED_OF_LIGHT_MPS;
-                let error = |value: f64, expected: f64| (value - expected).abs();
-                prop_assert!(error(o.pseudorange_m.unwrap(), truth.range_m + difference_m) < 0.010_001);
-                prop_assert!(error(phase_m, truth.range_m + truth.phases_m[index]) < 0.000_251, "{:?}", o);
-                prop_assert!(error(o.cn0_dbhz.unwrap(), truth.cn0s_dbhz[index]) <= 0.125);
-            }
-        }
-    }
-
-    #[test]
-    fn another_implementation_writes_the_same_message(truths in truths()) {
-        let sent = |modulus_m| truths.iter().map(|truth| truth.sent(modulus_m)).collect::<Vec<_>>();
-        prop_assert_eq!(message(1_004, 0, 0, &sent(LIGHT_MS_M)), gps_by_another(&truths));
-        prop_assert_eq!(message(1_012, 0, 0, &sent(2.0 * LIGHT_MS_M)), glonass_by_another(&truths));
-    }
-
-    #[test]
-    fn any_content_is_survived(
-        kind in 1_001..1_013_u64,
-        count in 0..32_u64,
-        content in proptest::collection::vec(any::<u64>(), 0..90),
-        seconds in 0..100_u32,
-    ) {
-        let start = if is_glonass(kind) { MOSCOW_MS } else { TOW_MS };
-        let time_bits = if is_glonass(kind) { 27 } else { 30 };
-        let header = Writer::default()
-            .unsigned(12, kind)
-            .unsigned(12, 1)
-            .unsigned(time_bits, (start + seconds).into())
-            .unsigned(1, 0)
-            .unsigned(5, count);
-        let whole = content.iter().fold(header, |writer, bits| writer.unsigned(64, *bits)).frame();
-        let (epochs, _) = epochs(&[whole]);
-        for o in epochs.iter().flat_map(|epoch| &epoch.observations) {
-            prop_assert!(o.pseudorange_m.is_none_or(|p| (1e6..1e8).contains(&p)), "{:?}", o);
-            prop_assert!(o.carrier_phase_cycles.is_none_or(|p| (1e6..1e9).contains(&p)), "{:?}", o);
-            prop_assert!(o.cn0_dbhz.is_none_or(|c| (0.25..64.0).contains(&c)), "{:?}", o);
-        }
-    }
 }

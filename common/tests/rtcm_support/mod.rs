@@ -2,6 +2,8 @@
 
 #![allow(dead_code)] // not every test uses everything
 
+pub mod legacy;
+
 use cofix_common::decode::{Decoder, Record};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
