@@ -3,16 +3,14 @@
 use std::sync::Arc;
 
 use anyhow::Context;
-use cofix_agent::masks::{LogOptions, Masks};
-use cofix_agent::{Corrections, ProductSource, Source};
+use cofix_agent::{ProductSource, Source};
 use cofix_common::accuracy::{Truth, TruthPoint};
-use cofix_common::measurement::Ionosphere;
 use cofix_common::simulation::{Scenario, Simulation};
 use cofix_common::skips::Skips;
 
 use crate::engine::ScheduledConstraint;
 use crate::replay::{Plan, PlannedPhone};
-use crate::session::Preset;
+use crate::session::Settings;
 
 /// Truth rows of a simulation count as fixed.
 const QUALITY: u8 = 1;
@@ -34,11 +32,7 @@ pub fn plan(scenario: Scenario) -> anyhow::Result<Plan> {
         phones,
         constraints: constraints.into_iter().map(always).collect(),
         truth_quality: vec![QUALITY],
-        preset: Preset::Default,
-        ionosphere: Ionosphere::default(),
-        corrections: Corrections::default(),
-        masks: Masks::default(),
-        log: LogOptions::default(),
+        settings: Settings::default(),
         truth_skips: Skips::default(),
     })
 }

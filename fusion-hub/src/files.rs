@@ -32,7 +32,7 @@ pub fn inputs(file: &Path, session: &Session) -> Vec<Named> {
     for path in session.products.iter() {
         inputs.push(Named::new("a product", path));
     }
-    for source in &session.corrections.sources {
+    for source in &session.settings.corrections.sources {
         if let CorrectionSource::File(path) = source {
             inputs.push(Named::new("a source of corrections", path));
         }

@@ -11,7 +11,7 @@ use crate::engine::Engine;
 use crate::group::{Course, Group, Parts};
 use crate::network::Network;
 use crate::outputs::Outputs;
-use crate::replay::{Outcome, outcome, read_truths_counted, settings};
+use crate::replay::{Outcome, outcome, read_truths_counted};
 use crate::scores::Scores;
 use crate::session::Session;
 
@@ -51,7 +51,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
         name: session.group.clone(),
         course: Course::Live { until_finished: options.until_finished },
         aligner: Aligner::live(phones.len(), options.align),
-        engine: Engine::new(&phones, session.constraints.clone(), settings(session.preset).1),
+        engine: Engine::new(&phones, session.constraints.clone(), session.settings.options()?.1),
         receipts: network.receipts(),
         history: network.history()?,
         outputs,

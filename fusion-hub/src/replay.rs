@@ -6,24 +6,23 @@ use std::path::{Path, PathBuf};
 use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
-use cofix_agent::masks::{LogOptions, MaskError, Masks};
+use cofix_agent::masks::MaskError;
 use cofix_agent::pipeline::PipelineOptions;
-use cofix_agent::{AgentConfig, Corrections, ProductSource, Source, Speed, Stop, source};
+use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, source};
 use cofix_common::accuracy::Truth;
 use cofix_common::gsdc;
-use cofix_common::measurement::Ionosphere;
 use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
 use crate::align::{AlignOptions, Aligner};
-use crate::engine::{Engine, EngineOptions, ScheduledConstraint};
+use crate::engine::{Engine, ScheduledConstraint};
 use crate::group::{Course, Group, Parts};
 use crate::network::{Event, Network};
 use crate::outputs::Outputs;
 use crate::recorder::Recorded;
 use crate::report::Report;
 use crate::scores::Scores;
-use crate::session::{Preset, Session, SessionPhone};
+use crate::session::{Session, SessionPhone, Settings};
 
 /// A port on loopback that the system chooses.
 const LOOPBACK: &str = "tcp/127.0.0.1:0";
@@ -41,16 +40,8 @@ pub struct Plan {
     pub constraints: Vec<ScheduledConstraint>,
     /// Qualities of truth rows that count.
     pub truth_quality: Vec<u8>,
-    /// The estimator's settings.
-    pub preset: Preset,
-    /// What is done about the ionosphere.
-    pub ionosphere: Ionosphere,
-    /// Corrections from elsewhere, for all phones.
-    pub corrections: Corrections,
-    /// What is not used.
-    pub masks: Masks,
-    /// How GnssLogger text is read.
-    pub log: LogOptions,
+    /// How it is processed.
+    pub settings: Settings,
     /// What was skipped in reading the truths.
     pub truth_skips: Skips,
 }
@@ -107,11 +98,7 @@ impl Plan {
             phones: phones?,
             constraints: session.constraints.clone(),
             truth_quality: session.truth_quality.clone(),
-            preset: session.preset,
-            ionosphere: session.ionosphere,
-            corrections: session.corrections.clone(),
-            masks: session.masks.clone(),
-            log: session.log.clone(),
+            settings: session.settings.clone(),
             truth_skips,
         })
     }
@@ -123,9 +110,7 @@ impl Plan {
     /// # Errors
     /// A mask that makes no sense.
     pub fn pipeline(&self, phone: &PlannedPhone) -> Result<PipelineOptions, MaskError> {
-        let mut options = settings(self.preset).0;
-        options.correction = self.masks.apply(options.correction)?;
-        options.correction.ionosphere = self.ionosphere;
+        let mut options = self.settings.options()?.0;
         options.recorded_corrections = phone.recorded_corrections;
         Ok(options)
     }
@@ -201,14 +186,6 @@ fn merge_named(skips: &mut Skips, doing: &str, more: &Skips, place: &str) {
     }
 }
 
-/// The agents' and the hub's settings of a preset.
-pub fn settings(preset: Preset) -> (PipelineOptions, EngineOptions) {
-    match preset {
-        Preset::Default => (PipelineOptions::default(), EngineOptions::default()),
-        Preset::Peng2023 => (PipelineOptions::peng2023(), EngineOptions::peng2023()),
-    }
-}
-
 /// Runs a session from the first epoch to the last. Blocks.
 ///
 /// # Errors
@@ -232,8 +209,8 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
             products: ProductSource::Loaded(products.clone()),
             connect: connect.clone(),
             speed: options.speed,
-            corrections: plan.corrections.clone(),
-            log: plan.log.with(&plan.masks)?,
+            corrections: plan.settings.corrections.clone(),
+            log: plan.settings.log.with(&plan.settings.masks)?,
             pipeline: plan.pipeline(phone)?,
             ..AgentConfig::new(&plan.group, &phone.name, phone.source.clone())
         };
@@ -276,7 +253,7 @@ fn group(plan: &Plan, options: &ReplayOptions, network: &Network) -> anyhow::Res
         name: plan.group.clone(),
         course: Course::Replay,
         aligner: Aligner::new(phones.len(), AlignOptions::default()),
-        engine: Engine::new(&phones, plan.constraints.clone(), settings(plan.preset).1),
+        engine: Engine::new(&phones, plan.constraints.clone(), plan.settings.options()?.1),
         receipts: network.receipts(),
         history: network.history()?,
         outputs,

@@ -60,14 +60,15 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub use cofix_agent::ProductFiles;
-use cofix_agent::masks::{LogOptions, Masks};
+use cofix_agent::masks::{LogOptions, MaskError, Masks};
+use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{CorrectionSource, Corrections};
 use cofix_common::frames::Ecef;
-use cofix_common::measurement::{CorrectionOptions, Ionosphere};
+use cofix_common::measurement::Ionosphere;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::check_name;
 
-use crate::engine::ScheduledConstraint;
+use crate::engine::{EngineOptions, ScheduledConstraint};
 pub use text::Preset;
 
 /// A session that makes sense.
@@ -83,16 +84,52 @@ pub struct Session {
     pub constraints: Vec<ScheduledConstraint>,
     /// Qualities of truth rows that count.
     pub truth_quality: Vec<u8>,
+    /// How it is processed.
+    pub settings: Settings,
+}
+
+/// How a session is processed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Settings {
     /// The estimator's settings.
     pub preset: Preset,
     /// What is done about the ionosphere.
     pub ionosphere: Ionosphere,
-    /// Corrections from elsewhere.
+    /// Corrections from elsewhere, for all phones.
     pub corrections: Corrections,
     /// What is not used.
     pub masks: Masks,
     /// How GnssLogger text is read.
     pub log: LogOptions,
+}
+
+impl Settings {
+    /// The agents' settings and the hub's.
+    ///
+    /// # Errors
+    /// A mask that makes no sense.
+    pub fn options(&self) -> Result<(PipelineOptions, EngineOptions), MaskError> {
+        let (mut pipeline, engine) = match self.preset {
+            Preset::Default => (PipelineOptions::default(), EngineOptions::default()),
+            Preset::Peng2023 => (PipelineOptions::peng2023(), EngineOptions::peng2023()),
+        };
+        pipeline.correction = self.masks.apply(pipeline.correction)?;
+        pipeline.correction.ionosphere = self.ionosphere;
+        Ok((pipeline, engine))
+    }
+
+    fn new(file: &text::SessionFile, folder: &Path) -> Result<Self, String> {
+        let settings = Self {
+            preset: file.filter.preset,
+            ionosphere: file.correction.ionosphere,
+            corrections: corrections(&file.correction, folder)?,
+            masks: file.masks.clone(),
+            log: file.log.clone(),
+        };
+        settings.options().map_err(|error| format!("[masks]: {error}"))?;
+        settings.log.with(&settings.masks).map_err(|error| format!("[log]: {error}"))?;
+        Ok(settings)
+    }
 }
 
 /// One phone of a session.
@@ -182,8 +219,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
     if file.evaluation.truth_quality.is_empty() {
         return Err("[evaluation] truth_quality is empty: no row of a truth would count".to_owned());
     }
-    file.masks.apply(CorrectionOptions::default()).map_err(|error| format!("[masks]: {error}"))?;
-    file.log.with(&file.masks).map_err(|error| format!("[log]: {error}"))?;
+    let settings = Settings::new(&file, folder)?;
     let at = |path: PathBuf| folder.join(path);
     let all = |paths: Vec<PathBuf>| paths.into_iter().map(at).collect();
     let phone = |phone: text::PhoneEntry| {
@@ -208,11 +244,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
         phones: file.phone.into_iter().map(phone).collect::<Result<_, String>>()?,
         constraints,
         truth_quality: file.evaluation.truth_quality,
-        preset: file.filter.preset,
-        ionosphere: file.correction.ionosphere,
-        corrections: corrections(&file.correction, folder)?,
-        masks: file.masks,
-        log: file.log,
+        settings,
     })
 }
 

@@ -12,7 +12,7 @@ use cofix_hub::engine::Engine;
 use cofix_hub::group::{Course, Group, Parts};
 use cofix_hub::network::Network;
 use cofix_hub::outputs::Outputs;
-use cofix_hub::replay::{Plan, settings};
+use cofix_hub::replay::Plan;
 use cofix_hub::report::Report;
 use cofix_hub::scores::Scores;
 use zenoh::qos::CongestionControl;
@@ -73,7 +73,7 @@ impl Hub {
             name: plan.group.clone(),
             course,
             aligner,
-            engine: Engine::new(&phones, plan.constraints.clone(), settings(plan.preset).1),
+            engine: Engine::new(&phones, plan.constraints.clone(), plan.settings.options()?.1),
             receipts: network.receipts(),
             history: network.history()?,
             outputs: Outputs::new(&phones, network.fused_publisher(CongestionControl::Block), scores),
@@ -134,8 +134,8 @@ pub fn agent_config(plan: &Plan, phone: usize, connect: &[String]) -> anyhow::Re
     Ok(AgentConfig {
         products: ProductSource::Loaded(products.clone()),
         connect: connect.to_vec(),
-        log: plan.log.with(&plan.masks)?,
-        pipeline: settings(plan.preset).0,
+        log: plan.settings.log.with(&plan.settings.masks)?,
+        pipeline: plan.pipeline(planned)?,
         patience: Duration::from_secs(20),
         ..AgentConfig::new(&plan.group, &planned.name, planned.source.clone())
     })

@@ -66,7 +66,7 @@ fn the_documented_file_is_read() {
         (None, Some("2020-08-13T14:00:00".parse().unwrap()))
     );
     assert_eq!(session.truth_quality, [1, 2]);
-    assert_eq!(session.preset, Preset::Default);
+    assert_eq!(session.settings.preset, Preset::Default);
 }
 
 #[test]
@@ -90,7 +90,7 @@ fn corrections_are_chosen_by_phone_and_session() {
     let text = "group = 'g'\n[[phone]]\nname = 'a'\nrecorded_corrections = true\n[[phone]]\nname = 'b'\n\
                 [correction]\nionosphere = 'pair-only'";
     let session = parse(text).unwrap();
-    assert_eq!(session.ionosphere, Ionosphere::PairOnly);
+    assert_eq!(session.settings.ionosphere, Ionosphere::PairOnly);
     assert_eq!(
         session.phones.iter().map(|phone| phone.recorded_corrections).collect::<Vec<_>>(),
         [true, false]
@@ -106,10 +106,16 @@ fn bases_and_masks_are_read_and_refused() {
                 maximum_age_s = 30\n[masks]\nelevation_deg = 10\n[log]\nkeep_multipath = true";
     let session = parse(&format!("{phone}{text}")).unwrap();
     let file = |path: &str| CorrectionSource::File(path.into());
-    assert_eq!(session.corrections.sources, [file("drives/monday/base.obs"), file("/data/base.rtcm3")]);
-    assert_eq!(session.corrections.base_position, Some(Ecef::new(1.0, -2.0, 3.5)));
-    assert!((session.corrections.options.maximum_age_s - 30.0).abs() < 1e-12);
-    assert_eq!((session.masks.elevation_deg, session.log.keep_multipath), (Some(10.0), true));
+    assert_eq!(
+        session.settings.corrections.sources,
+        [file("drives/monday/base.obs"), file("/data/base.rtcm3")]
+    );
+    assert_eq!(session.settings.corrections.base_position, Some(Ecef::new(1.0, -2.0, 3.5)));
+    assert!((session.settings.corrections.options.maximum_age_s - 30.0).abs() < 1e-12);
+    assert_eq!(
+        (session.settings.masks.elevation_deg, session.settings.log.keep_multipath),
+        (Some(10.0), true)
+    );
     for (text, said) in [
         ("[correction]\nmaximum_age_s = 30", "need sources"),
         ("[correction]\nsources = ['a']\nmaximum_age_s = -1", "maximum_age_s is -1"),
@@ -127,8 +133,8 @@ fn a_minimal_file_has_defaults() {
     let session = parse("group = 'g'\n[[phone]]\nname = 'a'\n[filter]\npreset = 'peng2023'").unwrap();
     assert_eq!(session.truth_quality, [1]);
     assert_eq!(session.products, ProductFiles::default());
-    assert_eq!(session.preset, Preset::Peng2023);
-    assert_eq!(session.ionosphere, Ionosphere::Model);
+    assert_eq!(session.settings.preset, Preset::Peng2023);
+    assert_eq!(session.settings.ionosphere, Ionosphere::Model);
     assert!(!session.phones[0].recorded_corrections);
     assert!(session.constraints.is_empty());
 }
