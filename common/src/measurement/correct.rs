@@ -118,7 +118,12 @@ impl Corrector {
         let mut prepared = Vec::with_capacity(epoch.observations.len());
         let mut last: Option<PreparedState> = None;
         for (index, observation) in epoch.observations.iter().enumerate() {
-            let Some(pseudorange_m) = observation.pseudorange_m else { continue };
+            let Some(pseudorange_m) = observation.pseudorange_m else {
+                self.skips.add("no pseudorange", || {
+                    format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
+                });
+                continue;
+            };
             if self.is_weak(observation, epoch.time_gps) {
                 continue;
             }
