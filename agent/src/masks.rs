@@ -20,10 +20,10 @@ pub struct Masks {
     pub cn0_dbhz: Option<f64>,
 }
 
-/// How GnssLogger text is read, and what of it is not used.
+/// How GnssLogger text, and challenge tables that keep its columns, are read, and what of them is not used.
 #[derive(Args, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-#[command(next_help_heading = "GnssLogger text")]
+#[command(next_help_heading = "GnssLogger text, and challenge tables with its columns")]
 pub struct LogOptions {
     /// Largest ReceivedSvTimeUncertaintyNanos [ns; default 500]
     #[arg(long, value_name = "NS")]

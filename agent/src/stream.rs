@@ -154,7 +154,9 @@ impl StreamDecoder {
         let kind = match text {
             Some(format @ (Format::Rinex | Format::CompactRinex)) => Kind::Rinex(format, Box::default()),
             Some(Format::GnssLogger) => Kind::GnssLogger(Box::new(GnssLoggerDecoder::new(self.log.clone()))),
-            Some(Format::ChallengeTable) => Kind::ChallengeTable(Box::default()),
+            Some(Format::ChallengeTable) => {
+                Kind::ChallengeTable(Box::new(DerivedDecoder::new(self.log.masks.clone())))
+            }
             Some(Format::Rtcm3) | None if probe.frames() > 0 => Kind::Rtcm3(probe.clone()),
             Some(Format::Rtcm3) | None if ended || start.len() >= BYTES_TO_RECOGNISE => {
                 return Err(WrongStream { reason: format::unknown(start) });

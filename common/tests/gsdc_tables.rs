@@ -8,6 +8,7 @@ use std::sync::Arc;
 use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use cofix_common::decode::{Decoder, Record};
 use cofix_common::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
+use cofix_common::gnsslogger::Masks;
 use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch, DerivedFile, ground_truth, is_ground_truth};
 use cofix_common::measurement::{CorrectionOptions, Corrector, Ionosphere, without_position};
 use cofix_common::orbit::Products;
@@ -344,6 +345,11 @@ fn rows_that_the_phone_itself_doubts_are_masked() {
     {
         assert_eq!(file.skips.count(&format!("mask: {reason}")), 1, "{reason}: {}", file.skips);
     }
+    // State bits are asked for all the same.
+    let mut decoder = DerivedDecoder::new(Masks::none());
+    decoder.feed(format!("{header}{}", table.concat()).as_bytes()).unwrap();
+    decoder.finish().unwrap();
+    assert_eq!(decoder.next_epoch().unwrap().observations.len(), 5, "{}", decoder.skips());
 }
 
 /// The tables of 2021 carry the time of the next epoch.

@@ -41,7 +41,7 @@
 //! [masks]                             # what is not used; these are the defaults
 //! elevation_deg = 7.5
 //! cn0_dbhz = 15.0
-//! [log]                               # GnssLogger text; these are the defaults
+//! [log]                               # GnssLogger text and tables with its columns; these are the defaults
 //! received_time_uncertainty_ns = 500.0
 //! bias_uncertainty_ns = 1e7
 //! rate_uncertainty_mps = 10.0         # beyond it the code is used without the rate

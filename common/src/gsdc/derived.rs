@@ -7,6 +7,7 @@ use super::line::{Lines, fields};
 use super::row::{self, Row};
 use crate::decode::{Decoder, Record, WrongStream};
 use crate::gnss::{EpochFlag, Observation, ObservationEpoch};
+use crate::gnsslogger::Masks;
 use crate::measurement::{Corrector, GivenCorrections, PreparedObservation};
 use crate::skips::Skips;
 use crate::time::GpsTime;
@@ -122,6 +123,8 @@ pub struct DerivedDecoder {
 /// The table so far.
 #[derive(Clone, Debug, Default)]
 struct Table {
+    /// What is not used of tables that keep the columns of the phone's log.
+    masks: Masks,
     /// Once the header was read.
     columns: Option<Result<Columns, WrongStream>>,
     /// Epochs to which rows may still come.
@@ -133,6 +136,11 @@ struct Table {
 }
 
 impl DerivedDecoder {
+    /// A decoder that leaves out what these masks take, of tables that keep the columns of the phone's log (since 2022).
+    pub fn new(masks: Masks) -> Self {
+        Self { state: Table { masks, ..Table::default() }, ..Self::default() }
+    }
+
     /// The next epoch with its corrections, in time order; `None` until more bytes come.
     pub fn next_epoch(&mut self) -> Option<DerivedEpoch> {
         self.ready.pop_front()
@@ -152,7 +160,7 @@ impl Table {
         let fields = fields(line);
         match &self.columns {
             None => self.columns = Some(Columns::find(&fields).map_err(|reason| WrongStream { reason })),
-            Some(Ok(columns)) => match row::read(columns, &fields) {
+            Some(Ok(columns)) => match row::read(columns, &self.masks, &fields) {
                 Ok(row) => self.row(number, row, skips),
                 Err(fault) => skips.add(fault.reason, || format!("line {number}: {}", fault.detail)),
             },

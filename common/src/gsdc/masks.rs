@@ -8,8 +8,7 @@ use crate::gnss::Constellation;
 use crate::gnsslogger::Masks;
 
 /// Checks a row; a value that the table does not have passes.
-pub(super) fn check(fields: &Fields<'_>, constellation: Constellation) -> Result<(), Fault> {
-    let masks = Masks::default();
+pub(super) fn check(fields: &Fields<'_>, constellation: Constellation, masks: &Masks) -> Result<(), Fault> {
     let state = fields.bits(Optional::State);
     if let Some(state) = state.filter(|state| !masks.states.of(constellation).passes(*state)) {
         return refuse("mask: state bits", "State", f64::from(state));

@@ -6,6 +6,7 @@ use super::{masks, signal};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId, SignalCode};
+use crate::gnsslogger::Masks;
 use crate::measurement::GivenCorrections;
 use crate::time::GpsTime;
 
@@ -120,10 +121,10 @@ fn shorten(text: &str) -> String {
 }
 
 /// Reads a row.
-pub(super) fn read(columns: &Columns, fields: &[&str]) -> Result<Row, Fault> {
+pub(super) fn read(columns: &Columns, masks: &Masks, fields: &[&str]) -> Result<Row, Fault> {
     let fields = Fields { columns, fields };
     let (satellite, signal) = names(&fields)?;
-    masks::check(&fields, satellite.constellation)?;
+    masks::check(&fields, satellite.constellation, masks)?;
     let (low, high) = PSEUDORANGE_BOUNDS_M;
     let pseudorange_m = fields.number(Required::Pseudorange, (low, high))?;
     let Times { time_gps, received_gps, shift_s } = times(&fields, pseudorange_m)?;
