@@ -124,6 +124,15 @@ fn a_channel_is_learnt_and_a_reserved_one_is_not() {
     assert_eq!(decoder.skips().count("phase and Doppler without a known GLONASS channel"), 2);
 }
 
+/// Of a phase whose channel is not known nothing is left where the message has nothing else of the signal.
+#[test]
+fn a_phase_alone_without_a_channel_is_no_observation() {
+    let second = Second { code: NO_CODE, cn0: 0, ..SENT.second };
+    let (epochs, skips) = epochs(&[message(1_012, 0, 0, &[Sent { channel: 21, second, ..SENT }])]);
+    assert_eq!(epochs[0].observations.len(), 1, "{epochs:?}");
+    assert_eq!(skips.count("phase and Doppler without a known GLONASS channel"), 2, "{skips}");
+}
+
 /// The indicator counts seconds first.
 #[test]
 fn lock_times_tell_slips() {

@@ -128,7 +128,10 @@ impl RtcmDecoder {
             let cycles = metres(i64::from(difference)) * per_metre;
             metres(tracked.base) * per_metre + self.legacy.unrolled(of, cycles, cycle_slip)
         });
-        Some(Observation {
+        // Of a phase without a channel, counted above, nothing may be left.
+        let is_empty =
+            pseudorange_m.is_none() && carrier_phase_cycles.is_none() && tracked.cn0_dbhz.is_none();
+        (!is_empty).then_some(Observation {
             satellite,
             signal,
             pseudorange_m,
