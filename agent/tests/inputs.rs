@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
+mod recordings;
+
 use std::io::{Cursor, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
@@ -189,19 +191,7 @@ fn a_request_to_stop_ends_the_attempts() {
 
 /// An RTCM 3 frame with a message that is not read.
 fn frame() -> Vec<u8> {
-    let mut frame = vec![0xd3, 0, 2, 0x40, 0x00];
-    let mut crc = 0_u32;
-    for byte in &frame {
-        crc ^= u32::from(*byte) << 16;
-        for _ in 0..8 {
-            crc <<= 1;
-            if crc & 0x0100_0000 != 0 {
-                crc ^= 0x0186_4cfb;
-            }
-        }
-    }
-    frame.extend_from_slice(&crc.to_be_bytes()[1..]);
-    frame
+    recordings::frame(&[0x40, 0x00])
 }
 
 #[test]

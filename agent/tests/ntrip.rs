@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
+mod recordings;
+
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::thread::JoinHandle;
@@ -69,20 +71,7 @@ fn read_head(connection: &mut TcpStream) -> String {
 
 /// A frame of an RTCM 3 message that is not read, by its number.
 fn frame(number: u16) -> Vec<u8> {
-    let [high, low] = (number << 4).to_be_bytes();
-    let mut frame = vec![0xd3, 0, 2, high, low];
-    let mut crc = 0_u32;
-    for byte in &frame {
-        crc ^= u32::from(*byte) << 16;
-        for _ in 0..8 {
-            crc <<= 1;
-            if crc & 0x0100_0000 != 0 {
-                crc ^= 0x0186_4cfb;
-            }
-        }
-    }
-    frame.extend_from_slice(&crc.to_be_bytes()[1..]);
-    frame
+    recordings::frame(&(number << 4).to_be_bytes())
 }
 
 /// Messages 1024 so many times.

@@ -8,6 +8,7 @@ mod beside;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use beside::pixel4_table as table;
 use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_agent::source::{Reading, open_file, survey};
 use cofix_agent::{Source, Stop};
@@ -48,17 +49,6 @@ fn a_table_needs_no_products_and_a_bare_one_does() {
 
 fn shared(path: &str) -> Option<Vec<u8>> {
     beside::shared(&format!("data/gsdc-2020-05-14-mtv1/{path}"))
-}
-
-/// The table, which is kept in parts with a header each.
-fn table() -> Option<Vec<u8>> {
-    let mut whole = Vec::new();
-    for part in 0..18 {
-        let bytes = shared(&format!("Pixel4_processed/{part}.csv"))?;
-        let header = if part == 0 { 0 } else { bytes.iter().position(|b| *b == b'\n').unwrap() + 1 };
-        whole.extend_from_slice(&bytes[header..]);
-    }
-    Some(whole)
 }
 
 struct Drive {

@@ -6,6 +6,7 @@ mod beside;
 
 use std::sync::Arc;
 
+use beside::pixel4_table as table;
 use cofix_common::accuracy::{Accuracy, Solution, score};
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::frames::Ecef;
@@ -19,17 +20,6 @@ use cofix_common::time::GpsTime;
 
 fn shared(path: &str) -> Option<Vec<u8>> {
     beside::shared(&format!("data/gsdc-2020-05-14-mtv1/{path}"))
-}
-
-/// The table, which is kept in parts with a header each.
-fn table() -> Option<Vec<u8>> {
-    let mut whole = Vec::new();
-    for part in 0..18 {
-        let bytes = shared(&format!("Pixel4_processed/{part}.csv"))?;
-        let header = if part == 0 { 0 } else { bytes.iter().position(|b| *b == b'\n').unwrap() + 1 };
-        whole.extend_from_slice(&bytes[header..]);
-    }
-    Some(whole)
 }
 
 /// Epoch-wise solutions from the table's own satellite states and corrections.

@@ -1,6 +1,6 @@
 //! Recordings and reference vectors that lie beside the repository, when they are there.
 
-#![allow(dead_code, clippy::unwrap_used)] // not every test uses everything; helpers of tests
+#![allow(dead_code, clippy::unwrap_used, clippy::indexing_slicing)] // not every test uses everything; helpers of tests
 
 use std::path::PathBuf;
 
@@ -17,4 +17,15 @@ pub fn file(path: &str) -> Option<PathBuf> {
 /// Its bytes.
 pub fn shared(path: &str) -> Option<Vec<u8>> {
     file(path).map(|path| std::fs::read(path).unwrap())
+}
+
+/// The challenge table of the Pixel 4, which is kept in parts with a header each.
+pub fn pixel4_table() -> Option<Vec<u8>> {
+    let mut whole = Vec::new();
+    for part in 0..18 {
+        let bytes = shared(&format!("data/gsdc-2020-05-14-mtv1/Pixel4_processed/{part}.csv"))?;
+        let header = if part == 0 { 0 } else { bytes.iter().position(|b| *b == b'\n').unwrap() + 1 };
+        whole.extend_from_slice(&bytes[header..]);
+    }
+    Some(whole)
 }
