@@ -34,7 +34,8 @@ pub(crate) struct Arguments {
 /// What else the agent can do with recordings.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Says what is in recordings: span, gaps, satellites, signals, strength, slips, clock jumps, what is skipped
+    /// Says what is in recordings (span, gaps, satellites, signals, strength, slips, clock jumps, what is skipped) and in
+    /// navigation files
     Inspect(Inspect),
     /// Writes recordings of any format as RINEX 3.05
     Convert(Convert),
@@ -51,7 +52,7 @@ pub(crate) struct Sourcetable {
 
 #[derive(Debug, Args)]
 pub(crate) struct Inspect {
-    /// Recordings of any format that is read (.gz and .Z too)
+    /// Recordings of any format that is read, and RINEX navigation files (.gz and .Z too)
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
     /// JSON instead of a table: a list with one object per file

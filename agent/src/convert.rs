@@ -13,12 +13,8 @@ use cofix_common::skips::Skips;
 use cofix_common::time::{Calendar, GpsTime};
 
 use crate::Stop;
-use crate::input::{Bytes, Portion, Recorded};
-use crate::products::{OwnNavigation, navigation_file};
+use crate::products::{OwnNavigation, is_navigation_file, navigation_file};
 use crate::source::{self, Reading, SourceError};
-
-/// Columns of a RINEX header line.
-const FIRST_LINE: usize = 80;
 
 /// What to write.
 #[derive(Clone, Debug, Default)]
@@ -158,18 +154,6 @@ impl Contents {
         self.navigation.add_file(file);
         Ok(skips)
     }
-}
-
-/// Whether the first line is that of a RINEX navigation file. A file that cannot be read is none: who reads it will say why.
-fn is_navigation_file(path: &Path, stop: &Stop) -> bool {
-    let Ok(mut file) = Recorded::open(path) else { return false };
-    let (mut start, mut portion) = (Vec::new(), Vec::new());
-    while start.len() < FIRST_LINE && matches!(file.next(&mut portion, stop), Ok(Portion::Bytes)) {
-        start.append(&mut portion);
-    }
-    let label = start.get(60..FIRST_LINE);
-    let kind = start.get(20).copied().unwrap_or(b' ');
-    label.is_some_and(|label| label == b"RINEX VERSION / TYPE") && b"NGHE".contains(&kind)
 }
 
 fn fill(text: &mut String, from: &str) {

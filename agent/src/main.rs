@@ -58,7 +58,7 @@ fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
     let mut inspections = Vec::new();
     let mut failed = 0;
     for path in &arguments.files {
-        match cofix_agent::inspect::inspect(path, &options, &Stop::default()) {
+        match cofix_agent::inspect::inspect_any(path, &options, &Stop::default()) {
             Ok(inspection) => inspections.push(inspection),
             Err(error) => {
                 failed += 1;

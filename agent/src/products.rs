@@ -13,12 +13,16 @@ use cofix_common::rinex::{IonosphereTerms, NavigationFile};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
+use crate::input::{Bytes, Portion, Recorded};
 use crate::source::SourceError;
 use crate::stream::StreamDecoder;
-use crate::{ProductFiles, ProductSource};
+use crate::{ProductFiles, ProductSource, Stop};
 
 /// Group delays drift by a fraction of a nanosecond a month; older ones serve, but the user should know.
 const STALE_GROUP_DELAYS_S: f64 = 7.0 * 86_400.0;
+
+/// Columns of a RINEX header line.
+const FIRST_LINE: usize = 80;
 
 /// Reads products. They may hold no orbits (see [`Products::has_orbits`]): recordings may carry navigation messages of their own.
 ///
@@ -83,6 +87,18 @@ fn load(files: &ProductFiles) -> Result<(Products, Skips), SourceError> {
 /// Reads a RINEX navigation file.
 pub(crate) fn navigation_file(path: &Path) -> Result<NavigationFile, SourceError> {
     parse(path, "RINEX navigation", NavigationFile::parse)
+}
+
+/// Whether the first line is that of a RINEX navigation file. A file that cannot be read is none: who reads it will say why.
+pub(crate) fn is_navigation_file(path: &Path, stop: &Stop) -> bool {
+    let Ok(mut file) = Recorded::open(path) else { return false };
+    let (mut start, mut portion) = (Vec::new(), Vec::new());
+    while start.len() < FIRST_LINE && matches!(file.next(&mut portion, stop), Ok(Portion::Bytes)) {
+        start.append(&mut portion);
+    }
+    let label = start.get(60..FIRST_LINE);
+    let kind = start.get(20).copied().unwrap_or(b' ');
+    label.is_some_and(|label| label == b"RINEX VERSION / TYPE") && b"NGHE".contains(&kind)
 }
 
 /// Reads files of one kind.

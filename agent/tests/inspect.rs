@@ -4,10 +4,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use cofix_agent::inspect::{InspectOptions, inspect};
+use cofix_agent::inspect::{InspectOptions, Inspected, inspect, inspect_any};
 use cofix_agent::{ProductSource, Stop};
 use cofix_common::gnss::ObservationEpoch;
-use cofix_common::rinex::{ObservationLayout, ObservationWriter, RecordingInfo};
+use cofix_common::rinex::{
+    ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record,
+};
 use cofix_common::simulation::{Scenario, Simulation};
 
 fn write(path: &Path, epochs: &[ObservationEpoch]) {
@@ -46,4 +48,34 @@ fn with_orbits_the_masks_that_need_them_are_counted() {
     assert!(low > 0 && text.contains("elevation below the mask"), "{text}");
     assert_eq!(trial.skips.count("C/N0 below the mask"), 1, "{text}");
     assert_eq!(trial.used + trial.excluded + low + 1, observations as u64, "{text}");
+}
+
+#[test]
+fn navigation_files_are_told_from_recordings() {
+    let simulation = Simulation::new(Scenario { seed: 2, duration_s: 10.0, ..Scenario::default() }).unwrap();
+    let mut file = simulation.navigation();
+    let count = file.ephemerides.len();
+    file.ephemerides[0].health = 1.0;
+    let sick = file.ephemerides[0].satellite;
+    let mut text = navigation_header("", &file.ionosphere, Some(18));
+    text.extend(file.ephemerides.iter().map(|ephemeris| navigation_record(ephemeris).unwrap()));
+    text += "I02 2020 08 13 14 00 00 1.0\n";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("any.name");
+    std::fs::write(&path, text).unwrap();
+
+    let inspected = inspect_any(&path, &InspectOptions::default(), &Stop::default()).unwrap();
+    let Inspected::Navigation(found) = &inspected else { panic!("{inspected}") };
+    assert_eq!(found.messages.iter().map(|m| m.messages).sum::<u64>(), count as u64);
+    let of_sick = found.messages.iter().find(|m| m.system == sick.constellation.letter()).unwrap();
+    assert_eq!(of_sick.unhealthy, [sick.to_string()]);
+    assert_eq!((found.leap_seconds, found.ionosphere.as_slice()), (Some(18), ["GPS"].as_slice()));
+    assert_eq!(found.skips.total(), 1, "{inspected}");
+    let shown = inspected.to_string();
+    assert!(shown.contains("LNAV") && shown.contains(&sick.to_string()), "{shown}");
+
+    let recording = folder.path().join("phone.rnx");
+    write(&recording, &simulation.epochs(0).map(|simulated| simulated.epoch).collect::<Vec<_>>());
+    let inspected = inspect_any(&recording, &InspectOptions::default(), &Stop::default()).unwrap();
+    assert!(matches!(inspected, Inspected::Recording(_)));
 }

@@ -1,11 +1,13 @@
-//! What is in a recording: span, gaps, signals, strength, slips, clock jumps, what is skipped.
+//! What is in a file: of a recording span, gaps, signals, strength, slips, clock jumps, what is skipped.
 
 mod clock;
+mod navigation;
 mod signals;
 mod steps;
 mod table;
 mod trial;
 
+use std::fmt;
 use std::path::Path;
 
 use cofix_common::decode::Record;
@@ -16,12 +18,13 @@ use cofix_common::time::GpsTime;
 use serde::Serialize;
 
 pub use clock::{ClockJump, ClockJumps};
+pub use navigation::{MessageReport, NavigationInspection, inspect_navigation};
 pub use signals::{ConstellationReport, SignalReport, Spread};
 pub use steps::{Gap, Gaps};
 pub use trial::Trial;
 
 use crate::format::Format;
-use crate::products::{Loaded, OwnNavigation};
+use crate::products::{Loaded, OwnNavigation, is_navigation_file};
 use crate::source::{self, Reading, SourceError};
 use crate::{ProductSource, Stop};
 
@@ -87,6 +90,36 @@ pub struct InspectOptions {
     pub products: ProductSource,
     /// Masks and models of corrections, where there are orbits.
     pub correction: CorrectionOptions,
+}
+
+/// What is in a file of either kind.
+#[derive(Clone, Debug, Serialize)]
+#[serde(untagged)]
+pub enum Inspected {
+    /// A recording.
+    Recording(Box<Inspection>),
+    /// A navigation file.
+    Navigation(NavigationInspection),
+}
+
+impl fmt::Display for Inspected {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Recording(inspection) => inspection.fmt(f),
+            Self::Navigation(inspection) => inspection.fmt(f),
+        }
+    }
+}
+
+/// Inspects a recording or a RINEX navigation file.
+///
+/// # Errors
+/// When a file cannot be read or is of no kind that is read.
+pub fn inspect_any(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Inspected, SourceError> {
+    if is_navigation_file(path, stop) {
+        return inspect_navigation(path).map(Inspected::Navigation);
+    }
+    inspect(path, options, stop).map(|inspection| Inspected::Recording(Box::new(inspection)))
 }
 
 /// Inspects a recording, in bounded memory. With orbits, from products or of its own, it is
