@@ -3,8 +3,9 @@
 //! Maps of total electron content in a single layer are read. Maps of its standard deviation and of heights, and auxiliary data
 //! (differential code biases), are passed over.
 
-use super::ionosphere_map::{IonosphereMap, Shell};
+use super::ionosphere_map::IonosphereMap;
 use super::map_axis::Axis;
+use super::shell::Shell;
 use crate::rinex::{
     DecompressError, columns, decompress, integer, leap_seconds_at, lines, real, shorten, text,
 };

@@ -4,9 +4,10 @@
 //! content along its path is the vertical one divided by cos z'. Between the nodes of a map it is interpolated bilinearly, and
 //! between two maps linearly, each turned with the sun to the instant (Schaer, Gurtner, Feltens 1998, section 3).
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 
 use super::map_axis::Axis;
+use super::shell::Shell;
 use crate::constants::WGS84_FLATTENING;
 use crate::frames::{Direction, Geodetic};
 use crate::time::GpsTime;
@@ -18,53 +19,10 @@ const SUN_RADPS: f64 = TAU / 86_400.0;
 /// Between maps further apart than this is not interpolated, s. Maps come every two hours or more often.
 const MAX_GAP_S: f64 = 4.0 * 3_600.0;
 
-/// The shell that a map is on.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shell {
-    base_radius_m: f64,
-    height_m: f64,
-}
-
-impl Shell {
-    /// From the radius of the sphere that heights are above, and the shell's height; `None` for impossible ones.
-    pub(super) fn from_kilometres(base_radius_km: f64, height_km: f64) -> Option<Self> {
-        let possible = (6_000.0..=7_000.0).contains(&base_radius_km) && (50.0..=2_000.0).contains(&height_km);
-        possible.then_some(Self { base_radius_m: base_radius_km * 1e3, height_m: height_km * 1e3 })
-    }
-
-    /// Where a signal crosses the shell, and how steeply. The Earth is a sphere here, latitudes are geocentric.
-    fn pierce(self, receiver: Geodetic, direction: Direction) -> PiercePoint {
-        let Self { base_radius_m, height_m } = self;
-        let elevation_rad = direction.elevation_rad.clamp(0.0, FRAC_PI_2);
-        let sin_zenith = base_radius_m / (base_radius_m + height_m) * elevation_rad.cos();
-        let zenith_rad = sin_zenith.asin();
-        // Angle at the Earth's centre between receiver and pierce point.
-        let (sin_centre, cos_centre) = (FRAC_PI_2 - elevation_rad - zenith_rad).sin_cos();
-        let (sin_azimuth, cos_azimuth) = direction.azimuth_rad.sin_cos();
-        let (sin_latitude, cos_latitude) = geocentric_rad(receiver.latitude_rad).sin_cos();
-        let sin_pierce = sin_latitude * cos_centre + cos_latitude * sin_centre * cos_azimuth;
-        let east = sin_centre * sin_azimuth;
-        let along = cos_centre * cos_latitude - sin_centre * sin_latitude * cos_azimuth;
-        PiercePoint {
-            latitude_rad: sin_pierce.clamp(-1.0, 1.0).asin(),
-            longitude_rad: receiver.longitude_rad + east.atan2(along),
-            slant: 1.0 / zenith_rad.cos(),
-        }
-    }
-}
-
 /// Latitude seen from the Earth's centre, of a point on the ellipsoid.
 fn geocentric_rad(geodetic_rad: f64) -> f64 {
     let (sin, cos) = geodetic_rad.sin_cos();
     ((1.0 - WGS84_FLATTENING).powi(2) * sin).atan2(cos)
-}
-
-#[derive(Clone, Copy, Debug)]
-struct PiercePoint {
-    latitude_rad: f64,
-    longitude_rad: f64,
-    /// 1 / cos z'.
-    slant: f64,
 }
 
 /// The vertical electron content at one instant.
@@ -96,7 +54,8 @@ impl IonosphereMap {
 
     /// Content along a signal's path at an instant, TECU; the map turns with the sun.
     fn slant_tecu(&self, receiver: Geodetic, direction: Direction, time: GpsTime) -> Option<f64> {
-        let pierce = self.shell.pierce(receiver, direction);
+        let latitude_rad = geocentric_rad(receiver.latitude_rad);
+        let pierce = self.shell.pierce((latitude_rad, receiver.longitude_rad), direction);
         let turned_rad = pierce.longitude_rad + SUN_RADPS * (time - self.time);
         // Smoothed maps come a little below zero; there is no negative content.
         Some(self.vertical_tecu(pierce.latitude_rad, turned_rad)?.max(0.0) * pierce.slant)
@@ -180,7 +139,7 @@ impl IonosphereMaps {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::PI;
+    use std::f64::consts::{FRAC_PI_2, PI};
 
     const L1_HZ: f64 = 1_575.42e6;
 

@@ -11,20 +11,21 @@ use crate::time::GpsTime;
 /// GPS L1, Galileo E1, BeiDou B1C, Hz: the frequency that the model's delay is for.
 const L1_HZ: f64 = 1575.42e6;
 /// Delay at night, s.
-const NIGHT_S: f64 = 5e-9;
+pub(super) const NIGHT_S: f64 = 5e-9;
 /// Local time of the maximum, s.
-const PEAK_S: f64 = 50_400.0;
+pub(super) const PEAK_S: f64 = 50_400.0;
 /// Shortest period of the daily cosine, s.
-const SHORTEST_PERIOD_S: f64 = 72_000.0;
-const SECONDS_PER_DAY: f64 = 86_400.0;
+pub(super) const SHORTEST_PERIOD_S: f64 = 72_000.0;
+pub(super) const SECONDS_PER_DAY: f64 = 86_400.0;
 
-/// The eight broadcast coefficients of one day.
+/// The eight broadcast coefficients of one day, of GPS' model or of BeiDou's
+/// ([`beidou_klobuchar_delay_b1i_m`](super::beidou_klobuchar_delay_b1i_m)); the two are not exchangeable.
 ///
 /// There is no default: with all coefficients zero the model gives its night delay of 5 ns at any time, which
 /// is a statement about the ionosphere and not the absence of one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KlobucharCoefficients {
-    /// Amplitude polynomial in the geomagnetic latitude: s, s/semicircle, s/semicircle², s/semicircle³.
+    /// Amplitude polynomial in the geomagnetic (BeiDou: absolute geographic) latitude: s, s/semicircle, s/semicircle², s/semicircle³.
     pub alpha: [f64; 4],
     /// Period polynomial, likewise.
     pub beta: [f64; 4],
@@ -63,11 +64,16 @@ pub fn klobuchar_delay_l1_m(
 
 /// A delay on L1 turned into that on another frequency: (f_L1/f)² times as long.
 pub fn scale_from_l1(delay_l1_m: f64, frequency_hz: f64) -> f64 {
-    let ratio = L1_HZ / frequency_hz;
-    delay_l1_m * ratio * ratio
+    scale_delay((delay_l1_m, L1_HZ), frequency_hz)
 }
 
-fn cubic(c: &[f64; 4], x: f64) -> f64 {
+/// A delay on one frequency (m, Hz) turned into that on another.
+pub(crate) fn scale_delay((delay_m, from_hz): (f64, f64), frequency_hz: f64) -> f64 {
+    let ratio = from_hz / frequency_hz;
+    delay_m * ratio * ratio
+}
+
+pub(super) fn cubic(c: &[f64; 4], x: f64) -> f64 {
     c[0] + x * (c[1] + x * (c[2] + x * c[3]))
 }
 

@@ -7,10 +7,14 @@
 mod ionex;
 mod ionosphere_map;
 mod klobuchar;
+mod klobuchar_beidou;
 mod map_axis;
 mod saastamoinen;
+mod shell;
 
 pub use ionex::{Ionex, IonexError};
 pub use ionosphere_map::{IonosphereMap, IonosphereMaps, NoTec};
+pub(crate) use klobuchar::scale_delay;
 pub use klobuchar::{KlobucharCoefficients, klobuchar_delay_l1_m, scale_from_l1};
+pub use klobuchar_beidou::{B1I_HZ, beidou_klobuchar_delay_b1i_m};
 pub use saastamoinen::{STANDARD_RELATIVE_HUMIDITY, saastamoinen_delay_m};

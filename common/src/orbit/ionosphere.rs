@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use super::Products;
-use crate::atmosphere::{Ionex, NoTec, klobuchar_delay_l1_m, scale_from_l1};
+use crate::atmosphere::{
+    B1I_HZ, Ionex, NoTec, beidou_klobuchar_delay_b1i_m, klobuchar_delay_l1_m, scale_delay, scale_from_l1,
+};
 use crate::frames::{Direction, Geodetic};
 use crate::skips::Skips;
 use crate::time::GpsTime;
@@ -32,39 +34,58 @@ impl Products {
         self.maps.span()
     }
 
-    /// Ionospheric delay of a code, m: by maps where they cover it, else by the Klobuchar coefficients, else 0. Where maps are
-    /// there and do not cover it, that is counted.
+    /// Ionospheric delay of a code, m: by maps where they cover it, else by the Klobuchar coefficients of GPS, else by those of
+    /// BeiDou, else 0. Where maps are there and do not cover it, that is counted, and so is a delay that nothing tells.
     pub fn ionosphere_delay_m(&self, sight: &LineOfSight, skips: &mut Skips) -> f64 {
         let LineOfSight { receiver, direction, time, frequency_hz } = *sight;
-        if !self.maps.is_empty() {
-            match self.maps.delay_m(receiver, direction, time, frequency_hz) {
-                Ok(delay_m) => return delay_m,
-                Err(why) => skips.add(self.fallback_reason(why), || {
-                    format!(
-                        "{time}, from {:.2}° {:.2}° at azimuth {:.0}°, elevation {:.0}°",
-                        receiver.latitude_deg(),
-                        receiver.longitude_deg(),
-                        direction.azimuth_rad.to_degrees(),
-                        direction.elevation_rad.to_degrees()
-                    )
-                }),
-            }
+        let place = || {
+            format!(
+                "{time}, from {:.2}° {:.2}° at azimuth {:.0}°, elevation {:.0}°",
+                receiver.latitude_deg(),
+                receiver.longitude_deg(),
+                direction.azimuth_rad.to_degrees(),
+                direction.elevation_rad.to_degrees()
+            )
+        };
+        let by_maps = match self.maps.delay_m(receiver, direction, time, frequency_hz) {
+            Ok(delay_m) => return delay_m,
+            Err(why) => (!self.maps.is_empty()).then_some(why),
+        };
+        let modelled_m = self.modelled_delay_m(sight);
+        if let Some(reason) = fallback_reason(by_maps, modelled_m.is_some()) {
+            skips.add(reason, place);
         }
-        self.ionosphere().map_or(0.0, |coefficients| {
-            scale_from_l1(klobuchar_delay_l1_m(&coefficients, receiver, direction, time), frequency_hz)
-        })
+        modelled_m.unwrap_or(0.0)
     }
 
-    const fn fallback_reason(&self, why: NoTec) -> &'static str {
-        match (why, self.ionosphere().is_some()) {
-            (NoTec::NotCovered, true) => "instant outside the ionosphere maps, Klobuchar used",
-            (NoTec::NotCovered, false) => "instant outside the ionosphere maps, ionosphere not corrected",
-            (NoTec::Missing, true) => "ionosphere map without a value at the pierce point, Klobuchar used",
-            (NoTec::Missing, false) => {
-                "ionosphere map without a value at the pierce point, ionosphere not corrected"
-            }
-        }
+    /// By broadcast coefficients, if there are any.
+    fn modelled_delay_m(&self, sight: &LineOfSight) -> Option<f64> {
+        let LineOfSight { receiver, direction, time, frequency_hz } = *sight;
+        let by_gps = || {
+            let coefficients = self.ionosphere()?;
+            Some(scale_from_l1(klobuchar_delay_l1_m(&coefficients, receiver, direction, time), frequency_hz))
+        };
+        let by_beidou = || {
+            let coefficients = self.beidou_ionosphere()?;
+            let delay_m = beidou_klobuchar_delay_b1i_m(&coefficients, receiver, direction, time);
+            Some(scale_delay((delay_m, B1I_HZ), frequency_hz))
+        };
+        by_gps().or_else(by_beidou)
     }
+}
+
+/// What is to be counted where maps, if there are any, give nothing.
+const fn fallback_reason(maps: Option<NoTec>, has_model: bool) -> Option<&'static str> {
+    Some(match (maps, has_model) {
+        (None, true) => return None,
+        (None, false) => "no ionosphere model in any product, ionosphere not corrected",
+        (Some(NoTec::NotCovered), true) => "instant outside the ionosphere maps, Klobuchar used",
+        (Some(NoTec::NotCovered), false) => "instant outside the ionosphere maps, ionosphere not corrected",
+        (Some(NoTec::Missing), true) => "ionosphere map without a value at the pierce point, Klobuchar used",
+        (Some(NoTec::Missing), false) => {
+            "ionosphere map without a value at the pierce point, ionosphere not corrected"
+        }
+    })
 }
 
 #[cfg(test)]
@@ -124,7 +145,12 @@ mod tests {
             let mut skips = Skips::default();
             let inside = sight(30.0, "2020-08-13T01:00:00");
             assert!((products.ionosphere_delay_m(&inside, &mut skips) - fallback_m).abs() < 1e-9);
-            assert!(skips.is_empty(), "without maps nothing is missed: {skips}");
+            let nothing = skips.count("no ionosphere model in any product, ionosphere not corrected");
+            assert_eq!(
+                (skips.total(), nothing),
+                (u64::from(fallback_m == 0.0), u64::from(fallback_m == 0.0))
+            );
+            skips = Skips::default();
             products.add_ionosphere_maps(ionex());
             assert!((products.ionosphere_delay_m(&inside, &mut skips) - map_m).abs() < 1e-9);
             assert!(skips.is_empty(), "{skips}");
@@ -137,5 +163,27 @@ mod tests {
             let missing = format!("ionosphere map without a value at the pierce point, {word}");
             assert_eq!(skips.count(&missing), 1, "{skips}");
         }
+    }
+    #[test]
+    fn coefficients_of_beidou_stand_in_for_those_of_gps() {
+        let beidou = KlobucharCoefficients { alpha: [3e-8, 0.0, 0.0, 0.0], beta: [1e5, 0.0, 0.0, 0.0] };
+        let with = |gps| NavigationFile {
+            ionosphere: IonosphereTerms { gps, beidou: Some(beidou), galileo: None },
+            ..Default::default()
+        };
+        let sight = sight(30.0, "2020-08-13T06:00:00");
+        let delay_m = |file| {
+            let mut skips = Skips::default();
+            let delay_m = Products::new(Vec::new(), vec![file]).ionosphere_delay_m(&sight, &mut skips);
+            assert!(skips.is_empty(), "{skips}");
+            delay_m
+        };
+        let LineOfSight { receiver, direction, time, .. } = sight;
+        let b1i_m = beidou_klobuchar_delay_b1i_m(&beidou, receiver, direction, time);
+        assert!(b1i_m > 10.0, "it is day: {b1i_m} m");
+        let expected_m = b1i_m * (1_561.098e6 / L1_HZ).powi(2);
+        assert!((delay_m(with(None)) - expected_m).abs() < 1e-9);
+        let gps = klobuchar().ionosphere.gps;
+        assert!((delay_m(with(gps)) - delay_m(klobuchar())).abs() < 1e-12, "GPS' own come first");
     }
 }

@@ -32,6 +32,7 @@ pub struct Products {
     biases: Arc<Biases>,
     pub(super) maps: Arc<IonosphereMaps>,
     ionosphere: Option<KlobucharCoefficients>,
+    beidou_ionosphere: Option<KlobucharCoefficients>,
     precise_span: Option<(GpsTime, GpsTime)>,
     leap_seconds: Option<i64>,
     glonass_channels: BTreeMap<u8, i8>,
@@ -112,6 +113,7 @@ impl Products {
     pub fn add_navigation(&mut self, file: NavigationFile) {
         self.satellites.resize(PLACES, Satellite::default());
         self.ionosphere = self.ionosphere.or(file.ionosphere.gps);
+        self.beidou_ionosphere = self.beidou_ionosphere.or(file.ionosphere.beidou);
         self.leap_seconds = self.leap_seconds.or(file.leap_seconds);
         for ephemeris in file.ephemerides {
             if let Some(satellite) = place(ephemeris.satellite).and_then(|at| self.satellites.get_mut(at)) {
@@ -221,9 +223,14 @@ impl Products {
             .min_by(f64::total_cmp)
     }
 
-    /// Klobuchar coefficients of the first navigation file that has them; see also [`Products::ionosphere_delay_m`].
+    /// GPS' Klobuchar coefficients of the first navigation file that has them; see also [`Products::ionosphere_delay_m`].
     pub const fn ionosphere(&self) -> Option<KlobucharCoefficients> {
         self.ionosphere
+    }
+
+    /// Coefficients of BeiDou's own model, of the first navigation file that has them; see [`Products::ionosphere_delay_m`].
+    pub const fn beidou_ionosphere(&self) -> Option<KlobucharCoefficients> {
+        self.beidou_ionosphere
     }
 
     /// Seconds that GPS time is ahead of UTC, by the first navigation file that says so.

@@ -1,0 +1,60 @@
+//! The ionosphere as a thin shell around a sphere: where a signal crosses it, and how steeply.
+
+use std::f64::consts::FRAC_PI_2;
+
+use crate::frames::Direction;
+
+/// A shell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shell {
+    base_radius_m: f64,
+    height_m: f64,
+}
+
+/// Where a signal crosses a shell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PiercePoint {
+    pub(super) latitude_rad: f64,
+    /// Not reduced to one turn.
+    pub(super) longitude_rad: f64,
+    /// 1 / cos z': how much longer the path through the shell is than a vertical one.
+    pub(super) slant: f64,
+}
+
+impl Shell {
+    /// From the radius of the sphere that heights are above, and the shell's height.
+    pub(super) const fn new(base_radius_m: f64, height_m: f64) -> Self {
+        Self { base_radius_m, height_m }
+    }
+
+    /// The same in kilometres, as files have them; `None` for impossible ones.
+    pub(super) fn from_kilometres(base_radius_km: f64, height_km: f64) -> Option<Self> {
+        let possible = (6_000.0..=7_000.0).contains(&base_radius_km) && (50.0..=2_000.0).contains(&height_km);
+        possible.then_some(Self::new(base_radius_km * 1e3, height_km * 1e3))
+    }
+
+    /// Where a signal crosses the shell that comes to a receiver at a latitude and longitude on the sphere, rad. An elevation below
+    /// the horizon counts as the horizon.
+    pub(super) fn pierce(
+        self,
+        (latitude_rad, longitude_rad): (f64, f64),
+        direction: Direction,
+    ) -> PiercePoint {
+        let Self { base_radius_m, height_m } = self;
+        let elevation_rad = direction.elevation_rad.clamp(0.0, FRAC_PI_2);
+        let sin_zenith = base_radius_m / (base_radius_m + height_m) * elevation_rad.cos();
+        let zenith_rad = sin_zenith.asin();
+        // Angle at the sphere's centre between receiver and pierce point.
+        let (sin_centre, cos_centre) = (FRAC_PI_2 - elevation_rad - zenith_rad).sin_cos();
+        let (sin_azimuth, cos_azimuth) = direction.azimuth_rad.sin_cos();
+        let (sin_latitude, cos_latitude) = latitude_rad.sin_cos();
+        let sin_pierce = sin_latitude * cos_centre + cos_latitude * sin_centre * cos_azimuth;
+        let east = sin_centre * sin_azimuth;
+        let along = cos_centre * cos_latitude - sin_centre * sin_latitude * cos_azimuth;
+        PiercePoint {
+            latitude_rad: sin_pierce.clamp(-1.0, 1.0).asin(),
+            longitude_rad: longitude_rad + east.atan2(along),
+            slant: 1.0 / zenith_rad.cos(),
+        }
+    }
+}
