@@ -158,7 +158,7 @@ impl OwnNavigation {
 
     /// Takes what the decoder knows beside ephemerides.
     pub fn take_terms(&mut self, decoder: &StreamDecoder) {
-        self.file.ionosphere = IonosphereTerms { gps: decoder.ionosphere(), ..IonosphereTerms::default() };
+        self.file.ionosphere = decoder.ionosphere();
         self.file.leap_seconds = decoder.leap_seconds();
         self.glonass_channels = decoder.glonass_channels();
     }

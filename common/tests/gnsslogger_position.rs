@@ -93,7 +93,7 @@ fn errors(log: &str, navigation: &str, middle: &str) -> Option<(Vec<f64>, usize)
     let file = NavigationFile {
         glonass: Vec::new(),
         ephemerides,
-        ionosphere: IonosphereTerms { gps: decoder.klobuchar(), ..IonosphereTerms::default() },
+        ionosphere: decoder.ionosphere(),
         leap_seconds: decoder.leap_seconds(),
         skips: Skips::default(),
     };
