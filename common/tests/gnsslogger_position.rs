@@ -15,7 +15,7 @@ use cofix_common::gnss::{Constellation, ObservationEpoch};
 use cofix_common::gnsslogger::GnssLoggerDecoder;
 use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};
 use cofix_common::orbit::Products;
-use cofix_common::rinex::{IonosphereTerms, NavigationFile};
+use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;

@@ -59,7 +59,8 @@ fn d1_as_broadcast() {
     assert_eq!(e.accuracy_m, 2.0);
     assert!(near(e.sqrt_a.powi(2), 42_164e3, 1e-3) && near(e.i0_rad.to_degrees(), 54.5, 0.03), "{e:?}");
     assert!((0.002..0.02).contains(&e.eccentricity));
-    assert!(near(e.group_delays_s.0, 10.6e-9, 1e-6), "{:?}", e.group_delays_s);
+    // Between those of broadcast files of 2020 (8.4 and -2.6 ns) and 2023 (8.2 and -1.4 ns).
+    assert!(near(e.group_delays_s.0, 8.2e-9, 1e-6) && near(e.group_delays_s.1, -1.9e-9, 1e-6));
     let mut assembler = BeidouAssembler::default();
     assembler.subframe(e.satellite, &bytes(&C06[0]), ReceiverCheck::Unknown, then()).unwrap();
     let klobuchar = assembler.klobuchar().unwrap();
@@ -235,7 +236,7 @@ fn vectors_come_back_from_their_subframes() {
     }
     println!("{rows} rows, {geostationary} geostationary: {worst_m:e} m, {worst_s:e} s");
     assert_eq!((rows, geostationary), (336, 40));
-    assert!(worst_m < 1e-4 && worst_s < 1e-13, "{worst_m} m, {worst_s} s");
+    assert!(worst_m < 1e-4 && worst_s < 1e-15, "{worst_m} m, {worst_s} s");
 }
 
 /// Every record of a broadcast file: positions up to an hour from toe.
@@ -260,7 +261,7 @@ fn a_broadcast_file_comes_back_from_its_subframes() {
     }
     println!("{count} records: {worst_m:e} m, {worst_s:e} s");
     assert_eq!(count, 1_061);
-    assert!(worst_m < 1e-3 && worst_s < 1e-13, "{worst_m} m, {worst_s} s");
+    assert!(worst_m < 1e-4 && worst_s < 1e-15, "{worst_m} m, {worst_s} s");
 }
 
 proptest! {

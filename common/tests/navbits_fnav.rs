@@ -124,8 +124,8 @@ fn a_broadcast_file_comes_back_from_its_pages() {
         unhealthy += u32::from(health != 0.0);
     }
     println!("{count} records, {unhealthy} not healthy: {worst_m:e} m, {worst_s:e} s");
-    assert!(count > 1_000);
-    assert!(worst_m < 1e-3 && worst_s < 1e-13, "{worst_m} m, {worst_s} s");
+    assert_eq!((count, unhealthy), (2_897, 207));
+    assert!(worst_m < 1e-4 && worst_s < 1e-14, "{worst_m} m, {worst_s} s");
 }
 
 proptest! {

@@ -76,7 +76,7 @@ impl GlonassString {
         let places = check_places.take(CHECK_BITS - 1).zip(1..).chain(data_places.zip(CHECK_BITS + 1..=BITS));
         let sum = places.filter(|(_, bit)| self.bit(*bit)).fold(0, |sum, (place, _)| sum ^ place);
         let ones: u32 = self.0.iter().map(|byte| byte.count_ones()).sum();
-        sum == 0 && ones % 2 == 0
+        sum == 0 && ones.is_multiple_of(2)
     }
 
     fn is_blanked(&self) -> bool {

@@ -33,11 +33,8 @@ pub fn pages(e: &KeplerEphemeris, sent: GpsTime) -> [Vec<u8>; 4] {
     three.put(units(e.crc_crs_m.0, -5), 16).put(units(e.crc_crs_m.1, -5), 16);
     three.put(minutes(e.toe), 14).put(time(20.0), 12).put(second(20.0), 20).put(0, 8);
     four.put(4, 6).put(issue, 10).put(units(e.cic_cis_rad.0, -29), 16).put(units(e.cic_cis_rad.1, -29), 16);
-    four.put(0, 32 + 24 + 8 + 8 + 8)
-        .put(0, 8 + 3 + 8)
-        .put(0, 8 + 16 + 12 + 6)
-        .put(second(30.0), 20)
-        .put(0, 5);
+    four.put(0, 32 + 24).put(0, 8 + 8 + 8).put(0, 8 + 3 + 8).put(0, 8 + 16 + 12 + 6);
+    four.put(second(30.0), 20).put(0, 5);
     pages.map(|page| with_crc(&page))
 }
 
