@@ -183,7 +183,7 @@ fn what_cannot_be_is_refused() {
     };
     assert_eq!(fails(&bytes(&C06[0])[1..]), "BeiDou subframe of wrong length");
     assert_eq!(fails(&[0x55; 40]), "BeiDou subframe without its preamble");
-    let blank = |first: u32| [vec![0x38, 0x90, (first >> 8) as u8, first as u8], vec![0; 36]].concat();
+    let blank = |rest: u16| [&[0x38, 0x90], rest.to_be_bytes().as_slice(), &[0; 36]].concat();
     assert_eq!(fails(&blank(0x7000)), "BeiDou subframe with impossible number");
     assert_eq!(fails(&blank(0x1ff0)), "BeiDou subframe with impossible time of week");
 }
