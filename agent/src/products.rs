@@ -9,7 +9,7 @@ use cofix_common::atmosphere::Ionex;
 use cofix_common::decode::Record;
 use cofix_common::gnss::{ObservationEpoch, SatelliteId};
 use cofix_common::orbit::{BiasFile, ClockFile, GlonassEphemeris, KeplerEphemeris, Products, Sp3};
-use cofix_common::rinex::{IonosphereTerms, NavigationFile};
+use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 

@@ -1,5 +1,5 @@
-//! GLONASS time: Moscow time, three hours ahead of UTC, with its leap seconds (GLONASS ICD, L1 and L2, edition 5.1, 3.3.3), and days counted
-//! over four years (4.4).
+//! GLONASS time: Moscow time, three hours ahead of UTC, with its leap seconds (GLONASS ICD, L1 and L2, edition 5.1,
+//! 3.3.3), and days counted over four years (4.4).
 
 use crate::time::GpsTime;
 

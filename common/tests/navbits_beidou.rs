@@ -211,8 +211,8 @@ fn message(e: &KeplerEphemeris) -> (Vec<[u32; 10]>, GpsTime) {
     (if geostationary { d2(e, &NONE, sent).to_vec() } else { d1(e, &NONE, sent).to_vec() }, sent)
 }
 
-/// Reference vectors: parameters as bits and back, then the satellite's position. The vectors have 13 digits of angles, 2·10⁻⁵ m at the
-/// satellite's distance, and the bits none to lose.
+/// Reference vectors: parameters as bits and back, then the satellite's position. The vectors have 13 digits of angles,
+/// 2·10⁻⁵ m at the satellite's distance, and the bits none to lose.
 #[test]
 fn vectors_come_back_from_their_subframes() {
     let Some(table) = Table::read("oracle/sat/kepler_vectors_brd4.csv") else { return };

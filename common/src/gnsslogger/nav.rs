@@ -17,7 +17,8 @@ use crate::rinex::IonosphereTerms;
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
-/// Messages that wait for the first epoch, which tells the week. Twelve satellites send two or three subframes in 12 s.
+/// Messages that wait for the first epoch, which tells the week. Forty satellites of all systems send some fifteen pieces in a
+/// second.
 const MAX_WAITING: usize = 1_000;
 
 /// Decodes `Nav` lines.

@@ -97,8 +97,8 @@ fn beidou(satellite: SatelliteId, is_d2: bool) -> Result<SatelliteId, &'static s
     fits.then_some(satellite).ok_or("Nav line of a BeiDou message that its satellite does not send")
 }
 
-/// GLONASS satellites have their slot as Svid, or while it is unknown their frequency channel plus 100. The frame is the message of the API,
-/// and the string in it the sub-message.
+/// GLONASS satellites have their slot as Svid, or while it is unknown their frequency channel plus 100. The frame is the
+/// message of the API, and the string in it the sub-message.
 fn glonass(head: &Head, receiver: ReceiverCheck) -> Result<GlonassLabel, &'static str> {
     let name = match i8::try_from(head.svid - 100) {
         Ok(channel @ -7..=6) => GlonassName::Channel(channel),

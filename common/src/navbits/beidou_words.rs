@@ -19,9 +19,9 @@ const DATA: usize = 22;
 /// The 224 data bits of a subframe, check bits removed: 26 of word 1 and 22 of each other.
 pub(super) type Data = [u8; 28];
 
-/// Reads the data bits of the first `used` words of a subframe; the check bits of the others do not matter. Receivers give words as they
-/// are sent, or with the blocks taken apart: data bits in order, then the check bits of the first block and those of the second.
-/// Which of both is recognised by the code.
+/// Reads a subframe of whose words the first `used` have data; the check bits of the others do not matter. Receivers give
+/// words as they are sent, or with the blocks taken apart: data bits in order, then the check bits of the first block and
+/// those of the second. Which of both is recognised by the code.
 pub(super) fn data(bytes: &[u8], used: usize, receiver: ReceiverCheck) -> Result<Data, Refused> {
     let Some(bytes) = bytes.first_chunk::<SUBFRAME_BYTES>().filter(|_| bytes.len() == SUBFRAME_BYTES) else {
         let detail = format!("{} bytes, {SUBFRAME_BYTES} expected", bytes.len());

@@ -68,8 +68,8 @@ impl GlonassString {
         self.field(number, number) == 1
     }
 
-    /// Whether no check bit contradicts. A Hamming code's data bits stand at the places 3, 5, 6, 7, 9, … that are no powers of two, and its
-    /// check bits at those that are; then the places of all ones cancel.
+    /// Whether no check bit contradicts. A Hamming code's data bits stand at the places 3, 5, 6, 7, 9, … that are no powers
+    /// of two, and its check bits at those that are; then the places of all ones cancel.
     fn is_right(&self) -> bool {
         let data_places = (3_usize..).filter(|place| !place.is_power_of_two());
         let check_places = (0..).map(|k| 1_usize << k);

@@ -36,9 +36,9 @@ struct Head {
     check: ReceiverCheck,
 }
 
-/// The first two bytes are the GPS week. Each piece has three bytes before it: satellite; kind and check; hour of the week. The kind's
-/// bits, from the lowest: I/NAV instead of LNAV; no word of the receiver; check bits left; QZSS; and in the high half 1 for BeiDou, 2 for
-/// F/NAV, 3 for GLONASS, 4 for GLONASS by channel.
+/// The first two bytes are the GPS week. Each piece has three bytes before it: satellite; kind and check; hour of the week.
+/// The kind's bits, from the lowest: I/NAV instead of LNAV; no word of the receiver; check bits left; QZSS; and in the high
+/// half 1 for BeiDou, 2 for F/NAV, 3 for GLONASS, 4 for GLONASS by channel.
 pub fn navbits(bytes: &[u8]) {
     let mut assemblers = Assemblers::default();
     let Some((week, mut rest)) = bytes.split_first_chunk::<2>() else { return };
