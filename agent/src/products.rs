@@ -9,7 +9,7 @@ use cofix_common::atmosphere::Ionex;
 use cofix_common::decode::Record;
 use cofix_common::gnss::{ObservationEpoch, SatelliteId};
 use cofix_common::orbit::{BiasFile, ClockFile, GlonassEphemeris, KeplerEphemeris, Products, Sp3};
-use cofix_common::rinex::{IonosphereTerms, NavigationFile};
+use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
@@ -174,7 +174,7 @@ impl OwnNavigation {
 
     /// Takes what the decoder knows beside ephemerides.
     pub fn take_terms(&mut self, decoder: &StreamDecoder) {
-        self.file.ionosphere = IonosphereTerms { gps: decoder.ionosphere(), ..IonosphereTerms::default() };
+        self.file.ionosphere = decoder.ionosphere();
         self.file.leap_seconds = decoder.leap_seconds();
         self.glonass_channels = decoder.glonass_channels();
     }

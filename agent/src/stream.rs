@@ -2,12 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use cofix_common::atmosphere::KlobucharCoefficients;
 use cofix_common::decode::{Decoder, Record, WrongStream};
 use cofix_common::frames::Ecef;
 use cofix_common::gnsslogger::{self, GnssLoggerDecoder};
 use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch};
-use cofix_common::rinex::{ObservationDecoder, ObservationHeader, leap_seconds_at};
+use cofix_common::rinex::{IonosphereTerms, ObservationDecoder, ObservationHeader, leap_seconds_at};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -64,11 +63,11 @@ impl StreamDecoder {
         }
     }
 
-    /// Klobuchar coefficients that the stream itself carries.
-    pub fn ionosphere(&self) -> Option<KlobucharCoefficients> {
+    /// Ionosphere terms that the stream itself carries.
+    pub const fn ionosphere(&self) -> IonosphereTerms {
         match &self.kind {
-            Kind::GnssLogger(decoder) => decoder.klobuchar(),
-            _ => None,
+            Kind::GnssLogger(decoder) => decoder.ionosphere(),
+            _ => IonosphereTerms { gps: None, beidou: None, galileo: None },
         }
     }
 

@@ -16,6 +16,7 @@ pub mod gnsslogger;
 pub mod gsdc;
 pub mod integrity;
 pub mod measurement;
+mod moscow;
 pub mod navbits;
 pub mod orbit;
 pub mod rinex;

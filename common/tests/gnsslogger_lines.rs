@@ -614,7 +614,7 @@ fn nav_lines_become_ephemerides() {
         assert_eq!((e.satellite.to_string(), e.issue_of_data), ("G04".to_owned(), 74));
         assert_eq!(e.toe, GpsTime::from_week_tow(1869, 7_200.0));
         assert_eq!(decoded.decoder.leap_seconds(), Some(17));
-        assert_eq!(decoded.decoder.klobuchar().unwrap().beta[0], 129_024.0);
+        assert_eq!(decoded.decoder.ionosphere().gps.unwrap().beta[0], 129_024.0);
     }
     // Of eight years later: the message is of another week.
     let later = decode(&format!("{HEADER}\n{}\n{nav}", gps(0).text()));

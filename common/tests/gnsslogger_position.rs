@@ -15,7 +15,7 @@ use cofix_common::gnss::{Constellation, ObservationEpoch};
 use cofix_common::gnsslogger::GnssLoggerDecoder;
 use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};
 use cofix_common::orbit::Products;
-use cofix_common::rinex::{IonosphereTerms, NavigationFile};
+use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
@@ -93,7 +93,7 @@ fn errors(log: &str, navigation: &str, middle: &str) -> Option<(Vec<f64>, usize)
     let file = NavigationFile {
         glonass: Vec::new(),
         ephemerides,
-        ionosphere: IonosphereTerms { gps: decoder.klobuchar(), ..IonosphereTerms::default() },
+        ionosphere: decoder.ionosphere(),
         leap_seconds: decoder.leap_seconds(),
         skips: Skips::default(),
     };

@@ -6,7 +6,7 @@ mod navbits_encoder;
 
 use std::f64::consts::PI;
 
-use broadcast_words::PRN4;
+use broadcast_words::{E01, PRN4};
 use cofix_common::gnss::SatelliteId;
 use cofix_common::navbits::{InavAssembler, LnavAssembler, ReceiverCheck};
 use cofix_common::orbit::KeplerEphemeris;
@@ -32,15 +32,6 @@ const J01: [[u32; 10]; 4] = [
         0x22C0AA24, 0x2A326470, 0x3E01BFFD, 0x3E3DC8BE, 0x3828DFC7, 0x0000003F, 0x0000003F, 0x00C5D1F0,
         0x04A241CF, 0x0480009C,
     ],
-];
-
-/// Words 1 to 5 of E01 in Galileo week 1014 (GPS week 2038), from the same source.
-const E01: [[u32; 4]; 5] = [
-    [0x045E86B2, 0x14606028, 0x0039B8BE, 0xA813EC77],
-    [0x085E78BB, 0x0E292854, 0x403C05B7, 0x23FFF7FD],
-    [0x0C5EFFC8, 0x1B1BAB09, 0xAB19670C, 0x0B0C496B],
-    [0x105E07FF, 0xE3FFFA1A, 0xCFEE8486, 0xFFFDC601],
-    [0x145B82A0, 0x0581F67D, 0x401FB3F4, 0x8CAAAAAA],
 ];
 
 fn bytes(words: &[u32; 10]) -> Vec<u8> {

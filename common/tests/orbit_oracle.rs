@@ -2,80 +2,14 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests
 
-mod beside;
+mod vectors;
 
-use beside::shared;
 use cofix_common::constants::EARTH_ROTATION_RADPS;
-use cofix_common::frames::{Ecef, EcefVector};
-use cofix_common::gnss::{Constellation, SatelliteId};
-use cofix_common::orbit::{
-    GlonassEphemeris, KeplerEphemeris, NavigationMessage, Products, SatelliteState, Sp3,
-};
+use cofix_common::gnss::SatelliteId;
+use cofix_common::orbit::{Products, SatelliteState, Sp3};
 use cofix_common::rinex::NavigationFile;
-use cofix_common::time::GpsTime;
-
-/// A table with its columns by name.
-struct Table {
-    names: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    fn read(path: &str) -> Option<Self> {
-        let bytes = shared(path)?;
-        let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(&bytes[..]);
-        let names = reader.headers().unwrap().iter().map(str::to_owned).collect();
-        let rows = reader.records().map(|r| r.unwrap().iter().map(str::to_owned).collect()).collect();
-        Some(Self { names, rows })
-    }
-
-    fn text<'a>(&self, row: &'a [String], name: &str) -> &'a str {
-        &row[self.names.iter().position(|n| n == name).unwrap()]
-    }
-
-    fn number(&self, row: &[String], name: &str) -> f64 {
-        self.text(row, name).parse().unwrap()
-    }
-
-    #[allow(clippy::cast_possible_truncation)] // whole weeks
-    fn time(&self, row: &[String], prefix: &str) -> GpsTime {
-        let week = self.number(row, &format!("{prefix}week")) as i64;
-        GpsTime::from_week_tow(week, self.number(row, &format!("{prefix}tow_s")))
-    }
-}
-
-fn ephemeris(table: &Table, row: &[String]) -> KeplerEphemeris {
-    let satellite: SatelliteId = table.text(row, "sat").parse().unwrap();
-    let n = |name: &str| table.number(row, name);
-    KeplerEphemeris {
-        satellite,
-        message: match satellite.constellation {
-            Constellation::Galileo => NavigationMessage::GalileoInav,
-            Constellation::Beidou => NavigationMessage::BeidouD1D2,
-            _ => NavigationMessage::Lnav,
-        },
-        toe: table.time(row, "toe_"),
-        toe_own_tow_s: n("toes_s"),
-        toc: table.time(row, "toc_"),
-        sqrt_a: n("sqrtA"),
-        eccentricity: n("e"),
-        i0_rad: n("i0"),
-        i_dot_radps: n("idot"),
-        omega0_rad: n("Omega0"),
-        omega_dot_radps: n("OmegaDot"),
-        omega_rad: n("omega"),
-        m0_rad: n("M0"),
-        delta_n_radps: n("deltan"),
-        cuc_cus_rad: (n("cuc"), n("cus")),
-        crc_crs_m: (n("crc"), n("crs")),
-        cic_cis_rad: (n("cic"), n("cis")),
-        clock: (n("af0"), n("af1"), n("af2")),
-        group_delays_s: (n("tgd0"), n("tgd1")),
-        accuracy_m: 2.0,
-        health: n("svh"),
-        issue_of_data: 0,
-    }
-}
+use vectors::beside::shared;
+use vectors::{Table, distance_m, glonass, kepler};
 
 #[test]
 fn kepler_orbits_match_the_vectors() {
@@ -83,12 +17,10 @@ fn kepler_orbits_match_the_vectors() {
     let (mut compared, mut geostationary) = (0, 0);
     let (mut worst_m, mut worst_s, mut worst_mps, mut worst_sps) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
     for row in table.rows.iter().filter(|row| !table.text(row, "sat").starts_with('I')) {
-        let ephemeris = ephemeris(&table, row);
+        let ephemeris = kepler(&table, row);
         let time = table.time(row, "");
         let state = ephemeris.state(time);
-        let expected = ["x_m", "y_m", "z_m"].map(|name| table.number(row, name));
-        let error = (state.position.0 - nalgebra::Vector3::from(expected)).norm();
-        worst_m = worst_m.max(error);
+        worst_m = worst_m.max(distance_m(&table, row, state.position));
         worst_s = worst_s.max((state.clock_s - table.number(row, "clk_s")).abs());
         let (before, after) = (ephemeris.state(time - 0.5), ephemeris.state(time + 0.5));
         let slope = after.position - before.position;
@@ -107,27 +39,6 @@ fn kepler_orbits_match_the_vectors() {
     assert!(worst_sps < 1e-15, "{worst_sps} s/s");
 }
 
-fn glonass(table: &Table, row: &[String]) -> GlonassEphemeris {
-    let n = |name: &str| table.number(row, name);
-    let vector = |names: [&str; 3]| nalgebra::Vector3::from(names.map(n));
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small whole numbers
-    GlonassEphemeris {
-        satellite: table.text(row, "sat").parse().unwrap(),
-        toe: table.time(row, "toe_"),
-        position: Ecef(vector(["x0_m", "y0_m", "z0_m"])),
-        velocity: EcefVector(vector(["vx0_mps", "vy0_mps", "vz0_mps"])),
-        acceleration: EcefVector(vector(["ax_mps2", "ay_mps2", "az_mps2"])),
-        tau_s: n("taun_s"),
-        gamma: n("gamn"),
-        l2_delay_s: None,
-        frequency_channel: n("fcn") as i8,
-        health: Some(n("svh") as u8),
-        health_flags: None,
-        age_days: 0.0,
-        accuracy_m: 5.0,
-    }
-}
-
 #[test]
 fn glonass_orbits_match_the_vectors() {
     let Some(table) = Table::read("oracle/sat/glonass_vectors_brd4.csv") else { return };
@@ -136,8 +47,7 @@ fn glonass_orbits_match_the_vectors() {
         let ephemeris = glonass(&table, row);
         let time = table.time(row, "");
         let state = ephemeris.state(time);
-        let expected = nalgebra::Vector3::from(["x_m", "y_m", "z_m"].map(|name| table.number(row, name)));
-        errors.push((state.position.0 - expected).norm());
+        errors.push(distance_m(&table, row, state.position));
         worst_s = worst_s.max((state.clock_s - table.number(row, "clk_s")).abs());
         let slope = ephemeris.state(time + 0.5).position - ephemeris.state(time - 0.5).position;
         worst_mps = worst_mps.max((slope.0 - state.velocity.0).norm());

@@ -12,9 +12,8 @@ use super::options::Options;
 use super::raw;
 use super::recognition::Recognition;
 use super::table::Columns;
-use crate::atmosphere::KlobucharCoefficients;
 use crate::decode::{Decoder, Record, WrongStream};
-use crate::rinex::shorten;
+use crate::rinex::{IonosphereTerms, shorten};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
@@ -118,9 +117,9 @@ impl GnssLoggerDecoder {
         self.epochs.glonass_channels()
     }
 
-    /// Klobuchar coefficients of the log's own `Nav` lines, the latest.
-    pub const fn klobuchar(&self) -> Option<KlobucharCoefficients> {
-        self.nav.klobuchar()
+    /// Ionosphere terms of the log's own `Nav` lines, the latest.
+    pub const fn ionosphere(&self) -> IonosphereTerms {
+        self.nav.ionosphere()
     }
 
     /// Seconds that GPS time is ahead of UTC by the log's own `Nav` lines.
@@ -215,9 +214,7 @@ impl GnssLoggerDecoder {
         let mut read = Fields { kind: "Raw", line: number, skips: &mut self.skips };
         let Some(raw) = raw::parse(&fields, &mut read) else { return };
         self.epochs.line((number, &raw), &self.options, &mut self.skips, &mut self.records);
-        if let Some(time) = self.epochs.time() {
-            self.nav.catch_up(time, &mut self.skips, &mut self.records);
-        }
+        self.nav.catch_up(&self.epochs, &mut self.skips, &mut self.records);
     }
 
     fn fix_line(&mut self, line: &[u8]) {
@@ -234,8 +231,7 @@ impl GnssLoggerDecoder {
 
     fn nav_line(&mut self, line: &[u8]) {
         self.state.line(true, self.line_number, line);
-        let time = self.epochs.time();
-        self.nav.line((self.line_number, line), time, &mut self.skips, &mut self.records);
+        self.nav.line((self.line_number, line), &self.epochs, &mut self.skips, &mut self.records);
     }
 
     fn odd_count(&mut self, reason: &str, found: usize, expected: usize) {

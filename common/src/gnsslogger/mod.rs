@@ -17,6 +17,7 @@ mod leap;
 mod lines;
 mod measure;
 mod nav;
+mod nav_message;
 mod options;
 mod pseudorange;
 mod raw;

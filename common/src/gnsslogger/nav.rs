@@ -4,24 +4,21 @@
 
 use std::collections::VecDeque;
 
-use super::signal::satellite;
-use crate::atmosphere::KlobucharCoefficients;
+use super::epochs::Epochs;
+use super::leap::trusted_leap_seconds;
+use super::nav_message::{Kind, Message, parse};
 use crate::decode::Record;
-use crate::gnss::SatelliteId;
-use crate::navbits::{InavAssembler, LnavAssembler, ReceiverCheck};
-use crate::rinex::shorten;
+use crate::navbits::{
+    BeidouAssembler, FnavAssembler, GlonassAssembler, GlonassClock, GlonassLabel, GlonassMessage,
+    InavAssembler, LnavAssembler, Refused,
+};
+use crate::orbit::KeplerEphemeris;
+use crate::rinex::IonosphereTerms;
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
-/// Message types: the constellation in the high byte, the message in the low one.
-const GPS_L1CA: i64 = 0x0101;
-const QZSS_L1CA: i64 = 0x0401;
-const GALILEO_INAV: i64 = 0x0601;
-/// Status: parity passed, and parity failed but the receiver could rebuild the words.
-const PASSED: [i64; 2] = [1, 2];
-/// Longest message, bytes.
-const MAX_BYTES: usize = 64;
-/// Messages that wait for the first epoch, which tells the week. Twelve satellites send two or three subframes in 12 s.
+/// Messages that wait for the first epoch, which tells the week. Forty satellites of all systems send some fifteen pieces in a
+/// second.
 const MAX_WAITING: usize = 1_000;
 
 /// Decodes `Nav` lines.
@@ -29,23 +26,31 @@ const MAX_WAITING: usize = 1_000;
 pub(super) struct NavLines {
     lnav: LnavAssembler,
     inav: InavAssembler,
+    fnav: FnavAssembler,
+    beidou: BeidouAssembler,
+    glonass: GlonassAssembler,
     waiting: Vec<Message>,
+    without_channel: WithoutChannel,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Message {
-    number: u64,
-    satellite: SatelliteId,
-    kind: i64,
-    receiver: ReceiverCheck,
-    bytes: [u8; MAX_BYTES],
-    length: usize,
+/// What a line completes.
+enum Decoded {
+    Kepler(Box<KeplerEphemeris>),
+    Glonass(GlonassMessage),
+}
+
+/// GLONASS messages, and the lines that they ended in, that wait for a carrier frequency to tell the satellite's channel.
+#[derive(Clone, Debug, Default)]
+struct WithoutChannel {
+    messages: Vec<(u64, GlonassMessage)>,
+    /// How many channels were known when they were last looked up.
+    known: usize,
 }
 
 impl NavLines {
-    /// Klobuchar coefficients, the latest.
-    pub(super) const fn klobuchar(&self) -> Option<KlobucharCoefficients> {
-        self.lnav.system().klobuchar
+    /// Ionosphere coefficients of GPS and BeiDou, the latest.
+    pub(super) const fn ionosphere(&self) -> IonosphereTerms {
+        IonosphereTerms { gps: self.lnav.system().klobuchar, beidou: self.beidou.klobuchar(), galileo: None }
     }
 
     /// Seconds that GPS time is ahead of UTC.
@@ -53,30 +58,39 @@ impl NavLines {
         self.lnav.system().leap_seconds
     }
 
-    /// Takes a line; an ephemeris that it completes goes to `records`. Without a time it waits.
+    /// Takes a line; an ephemeris that it completes goes to `records`. Before the first epoch, which tells the time, it waits.
     pub(super) fn line(
         &mut self,
         (number, line): (u64, &[u8]),
-        now: Option<GpsTime>,
+        epochs: &Epochs,
         skips: &mut Skips,
         records: &mut VecDeque<Record>,
     ) {
         let Some(message) = parse(number, line, skips) else { return };
-        match now {
-            Some(now) => {
-                self.catch_up(now, skips, records);
-                self.decode(&message, now, skips, records);
-            }
-            None if self.waiting.len() < MAX_WAITING => self.waiting.push(message),
-            None => skips.add("Nav line long before the first epoch", || format!("line {number}")),
+        if epochs.time().is_some() || self.waiting.len() < MAX_WAITING {
+            self.waiting.push(message);
+            self.catch_up(epochs, skips, records);
+        } else {
+            skips.add("Nav line long before the first epoch", || format!("line {number}"));
         }
     }
 
-    /// Decodes what has waited for a time.
-    pub(super) fn catch_up(&mut self, now: GpsTime, skips: &mut Skips, records: &mut VecDeque<Record>) {
+    /// Decodes what has waited for a time or for a channel.
+    pub(super) fn catch_up(&mut self, epochs: &Epochs, skips: &mut Skips, records: &mut VecDeque<Record>) {
+        let Some(now) = epochs.time() else { return };
         for message in std::mem::take(&mut self.waiting) {
-            self.decode(&message, now, skips, records);
+            match self.decode(&message, now) {
+                Ok(Some(Decoded::Kepler(ephemeris))) => records.push_back(Record::Ephemeris(ephemeris)),
+                Ok(Some(Decoded::Glonass(found))) => {
+                    self.without_channel.add((message.number, found), epochs, skips, records);
+                }
+                Ok(None) => {}
+                Err(refused) => {
+                    skips.add(refused.reason, || format!("line {}: {}", message.number, refused.detail));
+                }
+            }
         }
+        self.without_channel.catch_up(epochs, records);
     }
 
     /// Counts what has waited in vain.
@@ -84,63 +98,76 @@ impl NavLines {
         for message in std::mem::take(&mut self.waiting) {
             skips.add("Nav line without any epoch to tell the week", || format!("line {}", message.number));
         }
+        for (line, message) in std::mem::take(&mut self.without_channel.messages) {
+            count_without_channel(line, &message, skips);
+        }
     }
 
-    fn decode(&mut self, message: &Message, now: GpsTime, skips: &mut Skips, records: &mut VecDeque<Record>) {
-        let Message { satellite, receiver, .. } = *message;
-        let bytes = message.bytes.get(..message.length).unwrap_or_default();
-        let result = match message.kind {
-            GALILEO_INAV => self.inav.page(satellite, bytes, receiver, now),
-            _ => self.lnav.subframe(satellite, bytes, receiver, now),
+    fn decode(&mut self, message: &Message, now: GpsTime) -> Result<Option<Decoded>, Refused> {
+        let (bytes, receiver) = (message.bytes(), message.receiver);
+        let kepler = match message.kind {
+            Kind::Lnav(satellite) => self.lnav.subframe(satellite, bytes, receiver, now),
+            Kind::Inav(satellite) => self.inav.page(satellite, bytes, receiver, now),
+            Kind::Fnav(satellite) => self.fnav.page(satellite, bytes, receiver, now),
+            Kind::Beidou(satellite) => self.beidou.subframe(satellite, bytes, receiver, now),
+            Kind::Glonass(label) => return self.glonass_string(label, bytes, now),
         };
-        match result {
-            Ok(Some(ephemeris)) => records.push_back(Record::Ephemeris(Box::new(ephemeris))),
-            Ok(None) => {}
-            Err(refused) => {
-                skips.add(refused.reason, || format!("line {}: {}", message.number, refused.detail));
-            }
-        }
+        kepler.map(|ephemeris| ephemeris.map(|ephemeris| Decoded::Kepler(Box::new(ephemeris))))
+    }
+
+    fn glonass_string(
+        &mut self,
+        label: GlonassLabel,
+        bytes: &[u8],
+        now: GpsTime,
+    ) -> Result<Option<Decoded>, Refused> {
+        let clock = GlonassClock { now, leap_seconds: trusted_leap_seconds(now, self.leap_seconds()) };
+        self.glonass.string(label, bytes, clock).map(|message| message.map(Decoded::Glonass))
     }
 }
 
-fn parse(number: u64, line: &[u8], skips: &mut Skips) -> Option<Message> {
-    let mut fields = line.split(|byte| *byte == b',').skip(1);
-    let mut next = || std::str::from_utf8(fields.next()?.trim_ascii()).ok()?.parse::<i64>().ok();
-    let (Some(svid), Some(kind), Some(status), Some(_), Some(_)) = (next(), next(), next(), next(), next())
-    else {
-        skips.add("Nav line cannot be read", || format!("line {number}: '{}'", shorten(line)));
-        return None;
-    };
-    if ![GPS_L1CA, QZSS_L1CA, GALILEO_INAV].contains(&kind) {
-        skips.add("Nav line of a message that is not decoded", || {
-            format!("line {number}: type {kind}, Svid {svid}")
+impl WithoutChannel {
+    /// Gives a message's ephemeris if the channel is known, or keeps it.
+    fn add(
+        &mut self,
+        (line, message): (u64, GlonassMessage),
+        epochs: &Epochs,
+        skips: &mut Skips,
+        records: &mut VecDeque<Record>,
+    ) {
+        if let Some(record) = on_channel(&message, epochs) {
+            records.push_back(record);
+        } else if self.messages.len() < MAX_WAITING {
+            self.messages.push((line, message));
+        } else {
+            count_without_channel(line, &message, skips);
+        }
+    }
+
+    /// Gives those whose channel has become known.
+    fn catch_up(&mut self, epochs: &Epochs, records: &mut VecDeque<Record>) {
+        let known = epochs.glonass_channels().len();
+        if known == self.known {
+            return;
+        }
+        self.known = known;
+        self.messages.retain(|(_, message)| {
+            let record = on_channel(message, epochs);
+            let is_still_without = record.is_none();
+            records.extend(record);
+            is_still_without
         });
-        return None;
     }
-    let satellite = match satellite(kind >> 8, svid) {
-        Ok(satellite) => satellite,
-        Err(reason) => {
-            skips.add(reason, || format!("line {number}: Nav of type {kind}, Svid {svid}"));
-            return None;
-        }
-    };
-    let receiver = if PASSED.contains(&status) { ReceiverCheck::Passed } else { ReceiverCheck::Unknown };
-    let Some((bytes, length)) = message_bytes(fields) else {
-        skips.add("Nav line cannot be read", || format!("line {number}: '{}'", shorten(line)));
-        return None;
-    };
-    Some(Message { number, satellite, kind, receiver, bytes, length })
 }
 
-/// Bytes as Java prints them, -128 to 127; unsigned ones will do.
-fn message_bytes<'a>(fields: impl Iterator<Item = &'a [u8]>) -> Option<([u8; MAX_BYTES], usize)> {
-    let mut bytes = [0; MAX_BYTES];
-    let mut length = 0;
-    for field in fields {
-        let value: i16 = std::str::from_utf8(field.trim_ascii()).ok()?.parse().ok()?;
-        let byte = i8::try_from(value).map(i8::cast_unsigned).or_else(|_| u8::try_from(value)).ok()?;
-        *bytes.get_mut(length)? = byte;
-        length += 1;
-    }
-    Some((bytes, length))
+/// The channel by the phone's name for the satellite, else by the carrier frequency of its signals.
+fn on_channel(message: &GlonassMessage, epochs: &Epochs) -> Option<Record> {
+    let channel = message.channel().or_else(|| epochs.glonass_channels().get(&message.slot()).copied())?;
+    Some(Record::Glonass(Box::new(message.on_channel(channel))))
+}
+
+fn count_without_channel(line: u64, message: &GlonassMessage, skips: &mut Skips) {
+    skips.add("GLONASS ephemeris without a carrier frequency to tell its channel", || {
+        format!("line {line}: R{:02}", message.slot())
+    });
 }

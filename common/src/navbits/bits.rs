@@ -1,5 +1,7 @@
 //! Bit fields of a message, most significant bit first.
 
+use std::f64::consts::PI;
+
 /// `count` bits (at most 64) from bit `start` on; missing bits count as zero.
 pub(super) fn unsigned(bytes: &[u8], start: usize, count: usize) -> u64 {
     (start..start + count).fold(0, |value, at| {
@@ -31,6 +33,27 @@ pub(super) fn scaled(value: i64, exponent: i32) -> f64 {
     value as f64 * 2_f64.powi(exponent)
 }
 
+/// A two's complement number of `count` bits from bit `start` on, in units of 2^`exponent`.
+pub(super) fn number(bytes: &[u8], start: usize, count: usize, exponent: i32) -> f64 {
+    scaled(signed(bytes, start, count), exponent)
+}
+
+/// A number without sign in units of 2^`exponent`.
+pub(super) fn positive(bytes: &[u8], start: usize, count: usize, exponent: i32) -> f64 {
+    unsigned(bytes, start, count) as f64 * 2_f64.powi(exponent)
+}
+
+/// A two's complement number in units of 2^`exponent` semicircles, in rad.
+pub(super) fn angle(bytes: &[u8], start: usize, count: usize, exponent: i32) -> f64 {
+    number(bytes, start, count, exponent) * PI
+}
+
+/// A number of which the first bit is the sign and the others are the magnitude, in units of 2^`exponent`.
+pub(super) fn sign_magnitude(bytes: &[u8], start: usize, count: usize, exponent: i32) -> f64 {
+    let magnitude = positive(bytes, start + 1, count.saturating_sub(1), exponent);
+    if unsigned(bytes, start, 1) == 1 { -magnitude } else { magnitude }
+}
+
 /// CRC-24Q (RTCM 10403, Galileo OS SIS ICD 5.1.9.4) of the first `count` bits.
 pub(super) fn crc24q(bytes: &[u8], count: usize) -> u32 {
     const POLYNOMIAL: u32 = 0x0186_4cfb;
@@ -54,6 +77,7 @@ mod tests {
         assert_eq!(signed(&bytes, 12, 4), 1);
         assert_eq!(signed(&bytes, 16, 16), -256, "bits beyond the end are zero");
         assert_eq!(signed(&bytes, 5, 0), 0);
+        assert_eq!((sign_magnitude(&bytes, 0, 4, -1), sign_magnitude(&bytes, 1, 4, 0)), (-1.0, 4.0));
         let mut copied = [0xff; 2];
         copy(&bytes, 4, &mut copied, 3, 8);
         assert_eq!(copied, [0b1110_0111, 0b1001_1111]);

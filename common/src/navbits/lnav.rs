@@ -1,10 +1,10 @@
 //! LNAV subframes to ephemerides (IS-GPS-200, 20.3.3; IS-QZSS-PNT has the same layout).
 
 use std::collections::BTreeMap;
-use std::f64::consts::PI;
 
-use super::bits::{scaled, signed, unsigned};
+use super::bits::{angle, number, positive, signed, unsigned};
 use super::lnav_words::{Data, data};
+use super::week::nearest;
 use super::{ReceiverCheck, Refused, plausible, refused};
 use crate::atmosphere::KlobucharCoefficients;
 use crate::gnss::{Constellation, SatelliteId};
@@ -95,12 +95,18 @@ impl LnavAssembler {
         if unsigned(data, 50, 6) != IONOSPHERE_PAGE {
             return;
         }
-        let term = |k: usize, exponent: i32| scaled(signed(data, 56 + 8 * k, 8), exponent);
-        self.system.klobuchar = Some(KlobucharCoefficients {
-            alpha: [term(0, -30), term(1, -27), term(2, -24), term(3, -24)],
-            beta: [term(4, 11), term(5, 14), term(6, 16), term(7, 16)],
-        });
+        self.system.klobuchar = Some(klobuchar(data, 56));
         self.system.leap_seconds = Some(signed(data, 192, 8));
+    }
+}
+
+/// The eight Klobuchar coefficients from bit `start` on, as GPS and BeiDou send them (IS-GPS-200, table 20-X; BDS-SIS-ICD-B1I,
+/// 5.2.4.7).
+pub(super) fn klobuchar(bytes: &[u8], start: usize) -> KlobucharCoefficients {
+    let term = |k: usize, exponent: i32| number(bytes, start + 8 * k, 8, exponent);
+    KlobucharCoefficients {
+        alpha: [term(0, -30), term(1, -27), term(2, -24), term(3, -24)],
+        beta: [term(4, 11), term(5, 14), term(6, 16), term(7, 16)],
     }
 }
 
@@ -112,12 +118,6 @@ fn sent(data: &Data, satellite: SatelliteId, now: GpsTime) -> Result<GpsTime, Re
         return Err(refused("LNAV subframe with impossible time of week", detail));
     }
     Ok(nearest(next as f64 * 6.0 - 6.0, now))
-}
-
-/// The instant with this time of week that is nearest to another.
-fn nearest(tow_s: f64, to: GpsTime) -> GpsTime {
-    let same_week = GpsTime::from_week_tow(to.week(), tow_s);
-    same_week + ((to - same_week) / SECONDS_PER_WEEK).round() * SECONDS_PER_WEEK
 }
 
 impl Frames {
@@ -148,12 +148,6 @@ fn ephemeris(
 ) -> Result<KeplerEphemeris, Refused> {
     let clock = &first.data;
     check_week(satellite, first)?;
-    let number =
-        |data: &Data, at: usize, count: usize, exponent: i32| scaled(signed(data, at, count), exponent);
-    let positive = |data: &Data, at: usize, count: usize, exponent: i32| {
-        unsigned(data, at, count) as f64 * 2_f64.powi(exponent)
-    };
-    let angle = |data: &Data, at: usize, count: usize, exponent: i32| number(data, at, count, exponent) * PI;
     let toe_own_tow_s = positive(second, 216, 16, 4);
     let toc_tow_s = positive(clock, 176, 16, 4);
     if toe_own_tow_s >= SECONDS_PER_WEEK || toc_tow_s >= SECONDS_PER_WEEK {

@@ -1,11 +1,10 @@
 //! The ten words of an LNAV subframe and their parity (IS-GPS-200, 20.3.5).
 
+use super::words::{SUBFRAME_BYTES, upright};
 use super::{ReceiverCheck, Refused, refused};
 
-/// Bytes of a subframe as Android gives it: ten words of 30 bits, each in four bytes.
-pub(super) const SUBFRAME_BYTES: usize = 40;
-/// The 8 bits that every subframe begins with.
-const PREAMBLE: u32 = 0x8b;
+/// What every subframe begins with, and how many bits that is.
+const PREAMBLE: (u32, u32) = (0x8b, 8);
 
 /// Which of the bits d1 to d24 enter each parity bit, D25 to D30 (IS-GPS-200, table 20-XIV), d1 as the highest of 24 bits.
 const PARITY_MASKS: [u32; 6] = [
@@ -48,7 +47,7 @@ pub(super) fn data(bytes: &[u8], receiver: ReceiverCheck) -> Result<Data, Refuse
         let detail = format!("{} bytes, {SUBFRAME_BYTES} expected", bytes.len());
         return Err(refused("LNAV subframe of wrong length", detail));
     };
-    let words = upright(bytes).ok_or_else(|| {
+    let words = upright(bytes, PREAMBLE).ok_or_else(|| {
         refused(
             "LNAV subframe without its preamble",
             format!("first bytes {:02x?}", bytes.first_chunk::<4>()),
@@ -59,19 +58,6 @@ pub(super) fn data(bytes: &[u8], receiver: ReceiverCheck) -> Result<Data, Refuse
         .flatten()
         .next()
         .ok_or_else(|| refused("LNAV subframe with wrong parity", format!("words {words:08x?}")))
-}
-
-/// Words of 30 bits with the preamble in front, whichever end of the four bytes they are at and whichever sign they have.
-fn upright(bytes: &[u8; SUBFRAME_BYTES]) -> Option<[u32; 10]> {
-    let mut raw = [0_u32; 10];
-    for (word, four) in raw.iter_mut().zip(bytes.as_chunks::<4>().0) {
-        *word = u32::from_be_bytes(*four);
-    }
-    let low = raw.map(|word| word & 0x3fff_ffff);
-    let high = raw.map(|word| word >> 2);
-    [low, high, low.map(|w| w ^ 0x3fff_ffff), high.map(|w| w ^ 0x3fff_ffff)]
-        .into_iter()
-        .find(|words| words.first().is_some_and(|word| word >> 22 == PREAMBLE))
 }
 
 /// Data bits as sent. The first word follows one that ended in two zeros, which the message makes so.

@@ -1,17 +1,30 @@
-//! Bits of navigation messages to ephemerides: GPS and QZSS LNAV, Galileo I/NAV.
+//! Bits of navigation messages to ephemerides: GPS and QZSS LNAV, Galileo I/NAV and F/NAV, BeiDou D1 and D2, GLONASS.
 //!
-//! A receiver gives the messages in pieces (subframes, pages), with gaps and in any order. The assemblers here keep the
-//! pieces of each satellite and give an ephemeris when all of its pieces have come and carry the same issue of data.
-//! Parity and CRC are checked where they are there; what is absurd is refused with the value and the limit.
+//! A receiver gives the messages in pieces (subframes, pages, strings), with gaps. The assemblers here keep the pieces of each
+//! satellite and give an ephemeris when all of its pieces have come and belong together: they carry the same issue of data, or,
+//! where a piece does not say it, follow each other in time. Check bits only detect errors, for a damaged piece comes again; they
+//! are checked where they are there. What is absurd is refused with the value and the limit.
 
+mod beidou;
+mod beidou_fields;
+mod beidou_words;
 mod bits;
-mod galileo;
-mod galileo_page;
+mod fnav;
+mod galileo_time;
+mod glonass;
+mod glonass_string;
+mod inav;
+mod inav_page;
 mod lnav;
 mod lnav_words;
 mod plausible;
+mod week;
+mod words;
 
-pub use galileo::InavAssembler;
+pub use beidou::BeidouAssembler;
+pub use fnav::FnavAssembler;
+pub use glonass::{GlonassAssembler, GlonassClock, GlonassLabel, GlonassMessage, GlonassName};
+pub use inav::InavAssembler;
 pub use lnav::{LnavAssembler, LnavSystem};
 
 /// Why a piece of a message, or the ephemeris that it completes, is not used.

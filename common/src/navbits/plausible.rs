@@ -1,7 +1,8 @@
 //! What no satellite broadcasts.
 
 use super::{Refused, refused};
-use crate::orbit::KeplerEphemeris;
+use crate::gnss::SatelliteId;
+use crate::orbit::{GlonassEphemeris, KeplerEphemeris, RADIUS_BOUNDS_M, SPEED_BOUNDS_MPS};
 
 /// Reference times of orbit and clock are never farther apart than this, s.
 const MAX_TOE_TOC_S: f64 = 86_400.0;
@@ -17,9 +18,23 @@ pub(super) fn check(ephemeris: &KeplerEphemeris) -> Result<(), Refused> {
         ("af0", ephemeris.clock.0, -0.1, 0.1),
         ("toe - toc", ephemeris.toe - ephemeris.toc, -MAX_TOE_TOC_S, MAX_TOE_TOC_S),
     ];
+    within(ephemeris.satellite, &limits)
+}
+
+/// The same for GLONASS.
+pub(super) fn check_glonass(ephemeris: &GlonassEphemeris) -> Result<(), Refused> {
+    let ((low_m, high_m), (slow, fast)) = (RADIUS_BOUNDS_M, SPEED_BOUNDS_MPS);
+    let limits = [
+        ("distance from the Earth's centre (m)", ephemeris.position.0.norm(), low_m, high_m),
+        ("speed (m/s)", ephemeris.velocity.0.norm(), slow, fast),
+    ];
+    within(ephemeris.satellite, &limits)
+}
+
+/// Refuses a value outside its limits.
+fn within(satellite: SatelliteId, limits: &[(&str, f64, f64, f64)]) -> Result<(), Refused> {
     for (name, value, low, high) in limits {
         if !(low..=high).contains(&value) {
-            let satellite = ephemeris.satellite;
             return Err(refused(
                 "ephemeris with impossible values",
                 format!("{satellite}: {name} = {value:e}, limits {low:e} to {high:e}"),

@@ -1,17 +1,10 @@
 //! Epoch times of messages, which lack the week (or even the day), to GPS time.
 
 use crate::gnss::Constellation;
+use crate::moscow::{self, MILLIS_PER_DAY};
 use crate::time::{BEIDOU_BEHIND_GPS_S, GpsTime};
 
-const MILLIS_PER_DAY: i64 = 86_400_000;
 const MILLIS_PER_WEEK: i64 = 7 * MILLIS_PER_DAY;
-const NANOS_PER_MILLI: i128 = 1_000_000;
-/// GLONASS time is Moscow time, UTC + 3 h (GLONASS ICD, 3.3.3).
-const MOSCOW_AHEAD_MILLIS: i64 = 3 * 3_600_000;
-/// The years 1980-2099 have no exception of the rule that every fourth has a leap day.
-const DAYS_OF_FOUR_YEARS: u32 = 1_461;
-/// GPS time begins on 6 January of a leap year.
-const DAYS_TO_GPS: i64 = 5;
 
 /// The epoch time of a message as it is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,11 +60,8 @@ impl StreamClock {
     /// GPS time of milliseconds of a day in Moscow. The day is number `day` (1 = 1 January) of the four years that begin with a leap
     /// year (N_T of the GLONASS ICD, 4.4), unless that is more than `limit_s` from the stream's own time; else the nearest.
     pub(super) fn resolve_moscow(&self, day: Option<u32>, millis: i64, limit_s: f64) -> Option<GpsTime> {
-        let of_four_years = day.filter(|day| (1..=DAYS_OF_FOUR_YEARS).contains(day)).and_then(|day| {
-            let days = i64::from(day) - 1 - DAYS_TO_GPS;
-            let since_gps = self.moscow_to_gps(days * MILLIS_PER_DAY + millis);
-            self.nearest(since_gps, i64::from(DAYS_OF_FOUR_YEARS) * MILLIS_PER_DAY)
-        });
+        let of_four_years =
+            day.and_then(|day| moscow::of_four_years(day, millis, self.leap_seconds.into(), self.near));
         of_four_years
             .filter(|time| (*time - self.near).abs() <= limit_s)
             .or_else(|| self.nearest(self.moscow_to_gps(millis), MILLIS_PER_DAY))
@@ -79,14 +69,11 @@ impl StreamClock {
 
     /// The instant nearest to the stream's that is `millis` after a multiple of `period`.
     fn nearest(&self, millis: i64, period: i64) -> Option<GpsTime> {
-        let near = i128::from(self.near.nanos());
-        let (nanos, period) = (i128::from(millis) * NANOS_PER_MILLI, i128::from(period) * NANOS_PER_MILLI);
-        let periods = (near - nanos + period / 2).div_euclid(period);
-        i64::try_from(nanos + periods * period).ok().map(GpsTime::from_nanos)
+        moscow::nearest(millis, period, self.near)
     }
 
     fn moscow_to_gps(&self, millis: i64) -> i64 {
-        millis - MOSCOW_AHEAD_MILLIS + i64::from(self.leap_seconds) * 1_000
+        moscow::to_gps_millis(millis, self.leap_seconds.into())
     }
 }
 

@@ -1,6 +1,10 @@
-//! An encoder of navigation messages, from the tables of IS-GPS-200 and the Galileo OS SIS ICD, and a reader of RINEX 2
-//! records to feed it.
+//! An encoder of navigation messages, from the tables of IS-GPS-200, the Galileo OS SIS ICD, BDS-SIS-ICD-B1I and the GLONASS ICD, and
+//! a reader of RINEX 2 records to feed it.
 #![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+pub mod beidou;
+pub mod fnav;
+pub mod glonass;
 
 use std::f64::consts::PI;
 
@@ -85,6 +89,12 @@ impl Bits {
         self
     }
 
+    /// Bits in bytes, the last filled with zeros.
+    pub fn bytes(&self) -> Vec<u8> {
+        let byte = |bits: &[u8]| bits.iter().fold(0, |value, bit| value << 1 | bit) << (8 - bits.len());
+        self.0.chunks(8).map(byte).collect()
+    }
+
     /// Ten words with parity by the equations of table 20-XIV, bit by bit, data bits as sent.
     pub fn words(&self) -> [u32; 10] {
         assert_eq!(self.0.len(), 240);
@@ -107,6 +117,18 @@ impl Bits {
         }
         words
     }
+}
+
+/// The integer next to a number in units of 2^`exponent`. Files have twelve digits, which is more than the messages.
+pub fn units(value: f64, exponent: i32) -> i64 {
+    #[allow(clippy::cast_possible_truncation)]
+    let integer = (value / unit(exponent)).round() as i64;
+    integer
+}
+
+/// The same of an angle or a rate in semicircles.
+pub fn semicircles(value: f64, exponent: i32) -> i64 {
+    units(value / PI, exponent)
 }
 
 /// The integer whose multiple of the unit a printed number is: it must be one, or the unit is wrong.
@@ -198,11 +220,11 @@ pub fn page(word: &[u32; 4], with_crc: bool) -> Vec<u8> {
     let crc = if with_crc { remainder(&bits.0) } else { 0 };
     bits.put(crc, 24).put(0, 8).put(0, 4);
     assert_eq!(bits.0.len(), 232);
-    bits.0.chunks(8).map(|byte| byte.iter().fold(0, |value, bit| value << 1 | bit)).collect()
+    bits.bytes()
 }
 
 /// Remainder of the bits, followed by 24 zeros, by the polynomial 1864CFB (hexadecimal).
-fn remainder(bits: &[u8]) -> i64 {
+pub fn remainder(bits: &[u8]) -> i64 {
     let mut rest: Vec<u8> = bits.to_vec();
     rest.extend([0; 24]);
     for at in 0..bits.len() {

@@ -19,13 +19,15 @@ mod checks;
 mod files;
 mod messages;
 pub mod mutation;
+mod navbits;
 mod portions;
 mod products;
 mod round_trip;
 mod streams;
 
 pub use files::{gzip, navigation, sp3, truth};
-pub use messages::{navbits, rtcm_messages, wire};
+pub use messages::{rtcm_messages, wire};
+pub use navbits::navbits;
 pub use products::{biases, clocks, ionex};
 pub use streams::{challenge_table, compact_rinex, gnsslogger, observations, rtcm_stream};
 

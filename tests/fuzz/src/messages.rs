@@ -1,23 +1,13 @@
 //! Messages whose checksums random bytes seldom get right: here they are given right ones.
 
 use cofix_common::decode::Decoder;
-use cofix_common::gnss::{Constellation, SatelliteId};
-use cofix_common::navbits::{InavAssembler, LnavAssembler, ReceiverCheck, Refused};
-use cofix_common::orbit::KeplerEphemeris;
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
-use cofix_common::time::GpsTime;
 use cofix_common::wire::{
     EpochMessage, FusedMessage, MAXIMUM_OBSERVATIONS, StatusMessage, WireMessage, decode, encode,
 };
 
-use crate::checks;
 use crate::streams::{near, rtcm_stream};
-
-const SUBFRAME_BYTES: usize = 40;
-const PAGE_BYTES: usize = 29;
-/// First bit of the CRC of a page.
-const PAGE_CRC_BIT: usize = 196;
 
 /// RTCM 3 messages, each with its length in two bytes before it (modulo 1024), put into frames.
 pub fn rtcm_messages(bytes: &[u8]) {
@@ -58,53 +48,6 @@ fn frame(message: &[u8]) -> Vec<u8> {
     let [_, checksum @ ..] = crc.to_be_bytes();
     frame.extend(checksum);
     frame
-}
-
-/// LNAV subframes and I/NAV pages. The first two bytes are the GPS week; each piece has three bytes before it: satellite; kind
-/// and check; hour of the week.
-pub fn navbits(bytes: &[u8]) {
-    let (mut lnav, mut inav) = (LnavAssembler::default(), InavAssembler::default());
-    let Some((week, mut rest)) = bytes.split_first_chunk::<2>() else { return };
-    let week = i64::from(u16::from_be_bytes(*week) % 4096);
-    while let Some(([number, kind, hours], after)) = rest.split_first_chunk::<3>() {
-        let number = number % 36 + 1;
-        let now = GpsTime::from_week_tow(week, 3_600.0 * f64::from(*hours));
-        let check = if kind & 2 == 0 { ReceiverCheck::Passed } else { ReceiverCheck::Unknown };
-        let blank = kind & 4 == 0;
-        let wanted = if kind & 1 == 0 { SUBFRAME_BYTES } else { PAGE_BYTES };
-        let (piece, after) = after.split_at(wanted.min(after.len()));
-        rest = after;
-        let mut piece = piece.to_vec();
-        if kind & 1 == 0 {
-            if blank {
-                piece.iter_mut().skip(3).step_by(4).for_each(|byte| *byte &= 0xc0);
-            }
-            let system = if kind & 8 == 0 { Constellation::Gps } else { Constellation::Qzss };
-            given(lnav.subframe(SatelliteId::new(system, number), &piece, check, now));
-        } else {
-            if blank {
-                (PAGE_CRC_BIT..PAGE_CRC_BIT + 24).for_each(|bit| clear(&mut piece, bit));
-            }
-            given(inav.page(SatelliteId::new(Constellation::Galileo, number), &piece, check, now));
-        }
-    }
-    if let Some(terms) = lnav.system().klobuchar {
-        assert!(terms.alpha.iter().chain(&terms.beta).all(|term| term.is_finite()), "{terms:?}");
-    }
-}
-
-fn clear(bytes: &mut [u8], bit: usize) {
-    if let Some(byte) = bytes.get_mut(bit / 8) {
-        *byte &= !(0x80 >> (bit % 8));
-    }
-}
-
-fn given(result: Result<Option<KeplerEphemeris>, Refused>) {
-    match result {
-        Ok(Some(ephemeris)) => checks::kepler(&ephemeris),
-        Ok(None) => {}
-        Err(refused) => assert!(!refused.reason.is_empty() && !refused.detail.is_empty()),
-    }
 }
 
 /// Messages between agents and hub: nothing absurd is left after sanitising, and what is encoded comes back.

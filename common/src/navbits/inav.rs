@@ -1,21 +1,14 @@
 //! Galileo I/NAV words to ephemerides (Galileo OS SIS ICD 2.1, 4.3.5 and 5.1).
 
 use std::collections::BTreeMap;
-use std::f64::consts::PI;
 
-use super::bits::{scaled, signed, unsigned};
-use super::galileo_page::{Word, word};
+use super::bits::{angle, number, positive, unsigned};
+use super::galileo_time::{check_week, reference};
+use super::inav_page::{Word, word};
 use super::{ReceiverCheck, Refused, plausible, refused};
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, NavigationMessage, sisa_m};
-use crate::time::{GpsTime, SECONDS_PER_WEEK};
-
-/// Galileo's week 0 is GPS week 1024.
-const WEEK_OFFSET: i64 = 1024;
-/// Weeks are sent modulo this.
-const WEEKS: i64 = 4096;
-/// A message is sent for at most some hours after its reference time; this (s) allows for old logs of stored messages.
-const MAX_AGE_S: f64 = 86_400.0;
+use crate::time::GpsTime;
 
 /// Puts I/NAV words 1 to 5 together. One serves all satellites.
 #[derive(Clone, Debug, Default)]
@@ -66,7 +59,7 @@ impl Words {
         if named != u64::from(satellite.number) {
             return Err(refused("I/NAV words of another satellite", format!("{satellite}: SVID {named}")));
         }
-        check_week(satellite, &five, now)?;
+        check_week(satellite, unsigned(&five, 73, 12), now)?;
         let ephemeris = ephemeris(satellite, &[one, two, three, four, five], now)?;
         if self.given == Some(ephemeris) {
             return Ok(None);
@@ -77,42 +70,12 @@ impl Words {
     }
 }
 
-/// The week of word 5 (modulo 4096) must be that of the recording, or one next to it: word 5 may be older than `now`.
-fn check_week(satellite: SatelliteId, five: &Word, now: GpsTime) -> Result<(), Refused> {
-    let broadcast = i64::try_from(unsigned(five, 73, 12)).unwrap_or_default();
-    let expected = now.week() - WEEK_OFFSET;
-    let apart = (broadcast - expected).rem_euclid(WEEKS);
-    if apart <= 1 || apart == WEEKS - 1 {
-        return Ok(());
-    }
-    let detail = format!("{satellite}: week {broadcast}, {} expected at {now}", expected.rem_euclid(WEEKS));
-    Err(refused("ephemeris of another week than the recording's", detail))
-}
-
-/// Reference time of `minutes` into the week, in the week that brings it nearest to `now`.
-fn reference(minutes: u64, satellite: SatelliteId, now: GpsTime) -> Result<GpsTime, Refused> {
-    let tow_s = minutes as f64 * 60.0;
-    let same_week = GpsTime::from_week_tow(now.week(), tow_s);
-    let time = same_week + ((now - same_week) / SECONDS_PER_WEEK).round() * SECONDS_PER_WEEK;
-    if tow_s < SECONDS_PER_WEEK && (time - now).abs() <= MAX_AGE_S {
-        return Ok(time);
-    }
-    let detail = format!("{satellite}: reference time {tow_s} s of the week, received at {now}");
-    Err(refused("ephemeris with impossible values", detail))
-}
-
 /// Tables 42 to 46 and 67 of the ICD. Words count from 0 here.
 fn ephemeris(
     satellite: SatelliteId,
     [one, two, three, four, five]: &[Word; 5],
     now: GpsTime,
 ) -> Result<KeplerEphemeris, Refused> {
-    let number =
-        |word: &Word, at: usize, count: usize, exponent: i32| scaled(signed(word, at, count), exponent);
-    let positive = |word: &Word, at: usize, count: usize, exponent: i32| {
-        unsigned(word, at, count) as f64 * 2_f64.powi(exponent)
-    };
-    let angle = |word: &Word, at: usize, count: usize, exponent: i32| number(word, at, count, exponent) * PI;
     Ok(KeplerEphemeris {
         satellite,
         message: NavigationMessage::GalileoInav,
