@@ -16,7 +16,7 @@ mod range_state {
 }
 
 /// C/N0 that are believed, dB-Hz.
-const CN0_DBHZ: std::ops::RangeInclusive<f64> = 0.0..=70.0;
+pub(super) const CN0_DBHZ: std::ops::RangeInclusive<f64> = 0.0..=70.0;
 /// Largest Doppler that is believed, Hz: satellites and phones together make 10 kHz, a poor oscillator some more.
 const MAX_DOPPLER_HZ: f64 = 5e4;
 /// Largest accumulated delta range that is believed, cycles: days without a loss of lock. RINEX has no room for more.
