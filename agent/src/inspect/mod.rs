@@ -1,6 +1,7 @@
 //! What is in a recording: span, gaps, signals, strength, slips, clock jumps, what is skipped.
 
 mod clock;
+mod directions;
 mod signals;
 mod steps;
 mod table;
@@ -16,11 +17,13 @@ use cofix_common::time::GpsTime;
 use serde::Serialize;
 
 pub use clock::{ClockJump, ClockJumps};
+pub use directions::DirectionReport;
 pub use signals::{ConstellationReport, SignalReport, Spread};
 pub use steps::{Gap, Gaps};
 pub use trial::Trial;
 
 use crate::format::Format;
+use crate::phone::PhoneReport;
 use crate::products::{Loaded, OwnNavigation};
 use crate::source::{self, Reading, SourceError};
 use crate::{ProductSource, Stop};
@@ -63,6 +66,8 @@ pub struct Inspection {
     pub ephemerides: u64,
     /// Whether it carries Klobuchar coefficients.
     pub ionosphere: bool,
+    /// What the phone says of itself, in GnssLogger text.
+    pub phone: Option<PhoneReport>,
     /// What was skipped in reading, by reason.
     pub skips: Skips,
     /// What comes of the recording with the orbits at hand, when there are any.
@@ -116,6 +121,7 @@ pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Ins
         format: records.decoder().format(),
         ephemerides: (navigation.file.ephemerides.len() + navigation.file.glonass.len()) as u64,
         ionosphere: navigation.file.ionosphere.gps.is_some(),
+        phone: records.decoder().phone().report(),
         skips,
         ..tally.report(&channels, options.correction.minimum_cn0_dbhz)
     };
@@ -198,6 +204,7 @@ impl Tally {
             clock_jumps: self.clock.report(),
             ephemerides: 0,
             ionosphere: false,
+            phone: None,
             skips: Skips::default(),
             trial: None,
         }

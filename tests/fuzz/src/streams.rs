@@ -11,7 +11,7 @@ use cofix_common::rinex::{ObservationDecoder, ObservationFile};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::time::GpsTime;
 
-use crate::portions::{Outcome, feed_both_ways, same};
+use crate::portions::{Outcome, feed, feed_both_ways, random_portions, same};
 use crate::{checks, round_trip};
 
 /// An instant for streams that carry the time of week only: 2020-08-13.
@@ -62,6 +62,19 @@ pub fn gnsslogger(bytes: &[u8]) {
     let outcome = feed_both_ways(|| GnssLoggerDecoder::new(options.clone()), bytes);
     checks::records(&outcome.records, bytes.len());
     checks::in_order(&outcome.records);
+    said_by_the_phone(bytes);
+}
+
+/// `Fix` and `Status` lines, which are no records.
+fn said_by_the_phone(bytes: &[u8]) {
+    let (mut whole, mut cut) = (GnssLoggerDecoder::default(), GnssLoggerDecoder::default());
+    let outcome = feed(&mut whole, [bytes]);
+    feed(&mut cut, random_portions(bytes));
+    // As in `feed_both_ways`: of another kind of stream, what follows the end may be read.
+    assert!(outcome.end.is_err() || cut.fixes() == whole.fixes(), "in portions and at once");
+    assert!(outcome.end.is_err() || cut.statuses() == whole.statuses(), "in portions and at once");
+    whole.fixes().iter().for_each(checks::fix);
+    whole.statuses().iter().for_each(checks::status);
 }
 
 /// RTCM 3, with its frames.
