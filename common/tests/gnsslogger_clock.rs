@@ -4,6 +4,8 @@
 
 mod beside;
 
+use std::fmt::Write as _;
+
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::decode::{Decoder, Record};
 use cofix_common::gnss::{Constellation, ObservationEpoch};
@@ -75,9 +77,11 @@ fn decode(lines: &[Line], options: Options) -> (Vec<ObservationEpoch>, Skips) {
             frequency,
             code,
         } = l;
-        text += &format!(
-            "Raw,{time_ns},{full_bias_ns},0.0,{discontinuities},{system},{svid},{state},{received_ns},{frequency},{code},35,1,5.5\n"
-        );
+        writeln!(
+            text,
+            "Raw,{time_ns},{full_bias_ns},0.0,{discontinuities},{system},{svid},{state},{received_ns},{frequency},{code},35,1,5.5"
+        )
+        .unwrap();
     }
     decode_bytes(text.as_bytes(), options)
 }
@@ -107,14 +111,15 @@ fn no_midnight_shows() {
         (6, 11, week, WEEK_NS, 0),
         (7, 6, week, WEEK_NS, 0),
     ];
+    let travel_ns = |place: i64, quarter: i64| 70_000_000 + 9_000_000 * place + 250 * quarter;
     // Saturday to Sunday in GPS time, with BeiDou's 14 s later, and a day of Moscow's.
     for (start, resets) in [("2023-11-04T23:59:50", 6), ("2023-11-08T21:00:05", 1)] {
         let mut lines = Vec::new();
         let mut seen = std::collections::BTreeSet::new();
         for quarter in 0..120_i64 {
             let gps_ns = at(start) + quarter * SECOND_NS / 4;
-            for (place, (system, svid, state, period_ns, ahead_ns)) in systems.into_iter().enumerate() {
-                let travel_ns = 70_000_000 + 9_000_000 * place as i64 + 250 * quarter;
+            for (place, (system, svid, state, period_ns, ahead_ns)) in (0..).zip(systems) {
+                let travel_ns = travel_ns(place, quarter);
                 let received_ns = (gps_ns - travel_ns + ahead_ns).rem_euclid(period_ns);
                 if received_ns < 30 * SECOND_NS {
                     seen.insert(system);
@@ -127,11 +132,11 @@ fn no_midnight_shows() {
         let (epochs, skips) = decode(&lines, Options::default());
         assert!(skips.iter().all(|(reason, _)| reason.starts_with("Doppler and phase without")), "{skips}");
         assert_eq!(epochs.len(), 120);
-        for (quarter, epoch) in epochs.iter().enumerate() {
+        for (quarter, epoch) in (0..).zip(&epochs) {
             assert_eq!(epoch.observations.len(), systems.len());
-            for (place, o) in epoch.observations.iter().enumerate() {
-                let travel_ns = 70_000_000 + 9_000_000 * place as i64 + 250 * quarter as i64;
-                assert_eq!(o.pseudorange_m, Some(metres(travel_ns)), "{start} {quarter} {}", o.satellite);
+            for (place, o) in (0..).zip(&epoch.observations) {
+                let expected = Some(metres(travel_ns(place, quarter)));
+                assert_eq!(o.pseudorange_m, expected, "{start} {quarter} {}", o.satellite);
             }
         }
     }

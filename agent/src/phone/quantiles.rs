@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-/// Values below the first count as zero, those above the last as the last.
+/// Values below the first, and what is no number, count as zero; those above the last as the last.
 const LIMITS: (f64, f64) = (1e-6, 1e9);
 
 /// Counts values to three significant digits, which are 13,500 different ones at most.
@@ -54,11 +54,11 @@ impl Quantiles {
 
 /// Power of ten, and three digits.
 fn digits(value: f64) -> (i32, i32) {
-    let size = value.abs().min(LIMITS.1);
-    // Not a number either.
-    if !(LIMITS.0..).contains(&size) {
+    let size = value.abs();
+    if size.is_nan() || size < LIMITS.0 {
         return (i32::MIN, 0);
     }
+    let size = size.min(LIMITS.1);
     #[allow(clippy::cast_possible_truncation)] // within the limits
     let power = size.log10().floor() as i32;
     #[allow(clippy::cast_possible_truncation)]

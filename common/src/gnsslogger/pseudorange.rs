@@ -41,6 +41,7 @@ impl ReceiveTime {
 
 /// The scale in which a satellite's time counts, against GPS time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(clippy::struct_field_names)] // the unit
 pub(super) struct TransmitScale {
     period_ns: i64,
     /// The scale's reading minus GPS time.

@@ -99,10 +99,10 @@ pub fn stream(bytes: &[u8]) {
     use cofix_common::decode::Decoder;
 
     let mut whole = StreamDecoder::new(near());
-    let at_once = crate::portions::feed(&mut whole, [bytes]);
+    let at_once = feed(&mut whole, [bytes]);
     check_loosely(&at_once, bytes);
     let mut cut = StreamDecoder::new(near());
-    let in_portions = crate::portions::feed(&mut cut, crate::portions::random_portions(bytes));
+    let in_portions = feed(&mut cut, random_portions(bytes));
     // RTCM 3 is recognised by its first frame, text by its lines: of a mixture, whichever comes first.
     if whole.format() == cut.format() && whole.format() != Some(Format::Rtcm3) {
         assert!(same(&at_once.records, &in_portions.records), "{:?}", whole.format());
@@ -116,7 +116,7 @@ pub fn stream(bytes: &[u8]) {
     let mut interrupted = StreamDecoder::new(near());
     let (before, after) = bytes.split_at(bytes.len() / 2);
     if interrupted.feed(before).is_ok() && interrupted.interrupt().is_ok() {
-        check_loosely(&crate::portions::feed(&mut interrupted, [after]), bytes);
+        check_loosely(&feed(&mut interrupted, [after]), bytes);
     }
 }
 
