@@ -155,6 +155,13 @@ impl StreamDecoder {
         }
     }
 
+    /// Takes what the phone says of itself, so that it does not pile up.
+    fn listen(&mut self) {
+        if let Kind::GnssLogger(decoder) = &mut self.kind {
+            self.phone.take(decoder);
+        }
+    }
+
     /// Recognises the stream, if it can be recognised, and hands over what came so far.
     fn recognise(&mut self, bytes: &[u8], ended: bool) -> Result<(), WrongStream> {
         let Kind::Open { start, probe } = &mut self.kind else { return Ok(()) };
@@ -187,10 +194,7 @@ impl Decoder for StreamDecoder {
             Kind::Open { .. } => self.recognise(bytes, false)?,
             _ => self.decoder().feed(bytes)?,
         }
-        // What the phone says of itself must not pile up.
-        if let Kind::GnssLogger(decoder) = &mut self.kind {
-            self.phone.take(decoder);
-        }
+        self.listen();
         Ok(())
     }
 
@@ -200,6 +204,7 @@ impl Decoder for StreamDecoder {
             let _ = probe.finish();
         }
         self.recognise(b"", true)?;
+        self.listen();
         self.decoder().finish()
     }
 
