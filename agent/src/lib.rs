@@ -20,6 +20,7 @@ pub mod inspect;
 pub mod link;
 pub mod masks;
 mod pace;
+pub mod phone;
 pub mod pipeline;
 pub mod products;
 pub mod publication;

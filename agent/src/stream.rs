@@ -12,6 +12,7 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
 use crate::format::{self, Format};
+use crate::phone::PhoneTally;
 
 /// A stream is recognised within this many bytes.
 pub const BYTES_TO_RECOGNISE: usize = 65_536;
@@ -21,6 +22,7 @@ pub const BYTES_TO_RECOGNISE: usize = 65_536;
 pub struct StreamDecoder {
     kind: Kind,
     log: gnsslogger::Options,
+    phone: PhoneTally,
 }
 
 #[derive(Clone, Debug)]
@@ -43,7 +45,11 @@ impl StreamDecoder {
         // UTC is behind by seconds only: the same number except around a leap second itself.
         let leap_seconds = u8::try_from(leap_seconds_at(near)).unwrap_or(0);
         let probe = Box::new(RtcmDecoder::new(RtcmOptions { near, leap_seconds }));
-        Self { kind: Kind::Open { start: Vec::new(), probe }, log: gnsslogger::Options::default() }
+        Self {
+            kind: Kind::Open { start: Vec::new(), probe },
+            log: gnsslogger::Options::default(),
+            phone: PhoneTally::default(),
+        }
     }
 
     /// The same for GnssLogger text read in another way than by default.
@@ -61,6 +67,11 @@ impl StreamDecoder {
             Kind::Rtcm3(_) => Some(Format::Rtcm3),
             Kind::ChallengeTable(_) => Some(Format::ChallengeTable),
         }
+    }
+
+    /// What the phone says of itself in GnssLogger text, up to now.
+    pub const fn phone(&self) -> &PhoneTally {
+        &self.phone
     }
 
     /// Ionosphere terms that the stream itself carries.
@@ -143,6 +154,13 @@ impl StreamDecoder {
         }
     }
 
+    /// Takes what the phone says of itself, so that it does not pile up.
+    fn listen(&mut self) {
+        if let Kind::GnssLogger(decoder) = &mut self.kind {
+            self.phone.take(decoder);
+        }
+    }
+
     /// Recognises the stream, if it can be recognised, and hands over what came so far.
     fn recognise(&mut self, bytes: &[u8], ended: bool) -> Result<(), WrongStream> {
         let Kind::Open { start, probe } = &mut self.kind else { return Ok(()) };
@@ -175,10 +193,7 @@ impl Decoder for StreamDecoder {
             Kind::Open { .. } => self.recognise(bytes, false)?,
             _ => self.decoder().feed(bytes)?,
         }
-        // The phone's own positions are not used; they must not pile up.
-        if let Kind::GnssLogger(decoder) = &mut self.kind {
-            drop(decoder.take_fixes());
-        }
+        self.listen();
         Ok(())
     }
 
@@ -188,6 +203,7 @@ impl Decoder for StreamDecoder {
             let _ = probe.finish();
         }
         self.recognise(b"", true)?;
+        self.listen();
         self.decoder().finish()
     }
 

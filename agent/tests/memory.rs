@@ -32,7 +32,9 @@ fn peak(work: impl FnOnce()) -> usize {
 
 fn file(folder: &Path, recording: &Recording) -> std::path::PathBuf {
     let path = folder.join(recording.name.replace(' ', "-"));
-    let phone = "Fix,GPS,37.4,-122.1,30.5,1.5,4.0,1597328340000\n";
+    let phone = "Fix,GPS,37.4,-122.1,30.5,1.5,4.0,1597328340000\n\
+                 Status,,2,0,1,5,1575420030,35.5,192.5,31.5,1,1,1,31\n\
+                 Status,,2,1,6,11,,,10.5,5.25,0,1,0,\n";
     let own = if recording.name == "GnssLogger" { phone } else { "" };
     let epochs =
         recording.epochs.iter().flat_map(|epoch| [epoch.as_slice(), own.as_bytes()]).collect::<Vec<_>>();

@@ -1,6 +1,7 @@
 //! What is in a file: of a recording span, gaps, signals, strength, slips, clock jumps, what is skipped.
 
 mod clock;
+mod directions;
 mod navigation;
 mod signals;
 mod steps;
@@ -18,12 +19,14 @@ use cofix_common::time::GpsTime;
 use serde::Serialize;
 
 pub use clock::{ClockJump, ClockJumps};
+pub use directions::DirectionReport;
 pub use navigation::{MessageReport, NavigationInspection, inspect_navigation};
 pub use signals::{ConstellationReport, SignalReport, Spread};
 pub use steps::{Gap, Gaps};
 pub use trial::Trial;
 
 use crate::format::Format;
+use crate::phone::PhoneReport;
 use crate::products::{Loaded, OwnNavigation, is_navigation_file};
 use crate::source::{self, Reading, SourceError};
 use crate::{ProductSource, Stop};
@@ -66,6 +69,8 @@ pub struct Inspection {
     pub ephemerides: u64,
     /// Whether it carries Klobuchar coefficients.
     pub ionosphere: bool,
+    /// What the phone says of itself, in GnssLogger text.
+    pub phone: Option<PhoneReport>,
     /// What was skipped in reading, by reason.
     pub skips: Skips,
     /// What comes of the recording with the orbits at hand, when there are any.
@@ -149,6 +154,7 @@ pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Ins
         format: records.decoder().format(),
         ephemerides: (navigation.file.ephemerides.len() + navigation.file.glonass.len()) as u64,
         ionosphere: navigation.file.ionosphere.gps.is_some(),
+        phone: records.decoder().phone().report(),
         skips,
         ..tally.report(&channels, options.correction.minimum_cn0_dbhz)
     };
@@ -231,6 +237,7 @@ impl Tally {
             clock_jumps: self.clock.report(),
             ephemerides: 0,
             ionosphere: false,
+            phone: None,
             skips: Skips::default(),
             trial: None,
         }

@@ -33,6 +33,7 @@ impl fmt::Display for Inspection {
         writeln!(f, "  duty cycled {cycled}")?;
         let ionosphere = if self.ionosphere { ", with Klobuchar coefficients" } else { "" };
         writeln!(f, "  navigation  {} ephemerides in the recording itself{ionosphere}", self.ephemerides)?;
+        self.phone.iter().try_for_each(|phone| write!(f, "{phone}"))?;
         for mask in &self.masks {
             writeln!(f, "  mask        {}: {} observations", mask.name, mask.count)?;
         }

@@ -10,6 +10,7 @@ use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
 use serde::Serialize;
 
+use super::directions::{DirectionReport, Directions};
 use crate::pipeline::{PhonePipeline, PipelineOptions};
 use crate::records::Records;
 
@@ -24,6 +25,8 @@ pub struct Trial {
     pub used: u64,
     /// Observations that RAIM excluded.
     pub excluded: u64,
+    /// The phone's own directions of satellites against those of the orbits, where it states them.
+    pub directions: Option<DirectionReport>,
     /// Masks and whatever else kept observations out, by reason.
     pub skips: Skips,
 }
@@ -32,18 +35,20 @@ pub struct Trial {
 pub(super) struct Running {
     pipeline: PhonePipeline,
     counts: Trial,
+    directions: Directions,
 }
 
 impl Running {
     pub(super) fn new(products: Arc<Products>, correction: CorrectionOptions) -> Self {
         let options = PipelineOptions { correction, ..PipelineOptions::default() };
         let pipeline = PhonePipeline::new("trial", products, options);
-        Self { pipeline, counts: Trial::default() }
+        Self { pipeline, counts: Trial::default(), directions: Directions::default() }
     }
 
     /// The epoch that `records` gave last.
     pub(super) fn epoch(&mut self, epoch: &ObservationEpoch, records: &Records) {
         let message = self.pipeline.process_last(epoch, records.decoder());
+        self.directions.add(&message, records.decoder().phone().directions());
         let counts = &mut self.counts;
         counts.solved += u64::from(message.wls.is_some());
         counts.reliable += u64::from(message.raim.verdict == Verdict::Reliable);
@@ -53,7 +58,7 @@ impl Running {
     }
 
     pub(super) fn end(self) -> Trial {
-        Trial { skips: self.pipeline.skips(), ..self.counts }
+        Trial { skips: self.pipeline.skips(), directions: self.directions.report(), ..self.counts }
     }
 }
 
@@ -64,6 +69,7 @@ impl fmt::Display for Trial {
             f,
             "  positions   {solved} epochs of {used} observations; RAIM: {reliable} reliable, {excluded} observations excluded"
         )?;
+        self.directions.iter().try_for_each(|directions| write!(f, "{directions}"))?;
         for (reason, skip) in self.skips.iter() {
             writeln!(f, "  of which    {} × {reason}, first: {}", skip.count, skip.first)?;
         }

@@ -18,7 +18,8 @@ pub(super) struct EpochClock {
     pub(super) fields: ClockFields,
     /// Time of the epoch (without a measurement's own offset).
     pub(super) time: ReceiveTime,
-    /// The count of discontinuities changed since the epoch before: carrier phases do not continue.
+    /// The clock does not continue that of the epoch before, nor do carrier phases: the count of discontinuities changed, or
+    /// the clock went back, which without a restart it may not.
     pub(super) discontinuous: bool,
     bias: Bias,
 }
@@ -30,7 +31,8 @@ impl EpochClock {
         // A line without the count says nothing about it.
         let count_before = before.and_then(|b| b.fields.discontinuities);
         let fields = ClockFields { discontinuities: fields.discontinuities.or(count_before), ..fields };
-        let discontinuous = count_before.is_some() && count_before != fields.discontinuities;
+        let went_back = before.is_some_and(|b| fields.time_ns < b.fields.time_ns);
+        let discontinuous = went_back || (count_before.is_some() && count_before != fields.discontinuities);
         let bias = match (reference, before) {
             (BiasReference::FirstEpoch, Some(before)) if !discontinuous => before.bias,
             _ => own,
@@ -76,5 +78,9 @@ mod tests {
         let fifth = next(fields(4_000, -1_000_900, 6), Some(&fourth));
         assert!(!fourth.discontinuous && !fifth.discontinuous);
         assert_eq!(fifth.time.whole_ns, 1_004_700);
+        // The receiver restarts: its clock and its count begin anew.
+        let restarted = next(fields(10, -1_005_700, 6), Some(&fifth));
+        assert!(restarted.discontinuous);
+        assert_eq!(restarted.time.whole_ns, 1_005_710);
     }
 }

@@ -103,6 +103,48 @@ const FIX_REQUIRED: [Fix; 3] = [Fix::Latitude, Fix::Longitude, Fix::UnixTimeMill
 
 const FIX_STANDARD: &str = "Fix,Provider,Latitude,Longitude,Altitude,Speed,Accuracy,(UTC)TimeInMs";
 
+/// Columns of `Status` lines that are used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Status {
+    UnixTimeMillis,
+    SignalIndex,
+    ConstellationType,
+    Svid,
+    CarrierFrequencyHz,
+    Cn0DbHz,
+    AzimuthDegrees,
+    ElevationDegrees,
+    UsedInFix,
+    HasAlmanacData,
+    HasEphemerisData,
+    BasebandCn0DbHz,
+}
+
+/// Number of [`Status`] columns.
+pub(super) const STATUS_COLUMNS: usize = 12;
+
+const STATUS_NAMES: [&[&str]; STATUS_COLUMNS] = [
+    &["UnixTimeMillis"],
+    &["SignalIndex"],
+    &["ConstellationType"],
+    &["Svid"],
+    &["CarrierFrequencyHz"],
+    &["Cn0DbHz"],
+    &["AzimuthDegrees"],
+    &["ElevationDegrees"],
+    &["UsedInFix"],
+    &["HasAlmanacData"],
+    &["HasEphemerisData"],
+    &["BasebandCn0DbHz"],
+];
+
+const STATUS_REQUIRED: [Status; 3] = [Status::SignalIndex, Status::ConstellationType, Status::Svid];
+
+/// The columns of 2021 to 2023, and of other loggers.
+const STATUS_STANDARD: &str = "Status,UnixTimeMillis,SignalCount,SignalIndex,ConstellationType,Svid,\
+    CarrierFrequencyHz,Cn0DbHz,AzimuthDegrees,ElevationDegrees,UsedInFix,HasAlmanacData,HasEphemerisData,\
+    BasebandCn0DbHz";
+
 /// The places of `N` columns in a line.
 #[derive(Clone, Debug)]
 pub(super) struct Layout<const N: usize> {
@@ -131,6 +173,18 @@ impl Layout<FIX_COLUMNS> {
     /// From a header line, without its `#`; the name of a needed column that is not in it otherwise.
     pub(super) fn fix(header: &str) -> Result<Self, &'static str> {
         Self::checked(header, &FIX_NAMES, FIX_REQUIRED.map(|column| column as usize))
+    }
+}
+
+impl Layout<STATUS_COLUMNS> {
+    /// The order of the first version with such lines (2021).
+    pub(super) fn status_standard() -> Self {
+        Self::from_names(STATUS_STANDARD, &STATUS_NAMES)
+    }
+
+    /// From a header line, without its `#`; the name of a needed column that is not in it otherwise.
+    pub(super) fn status(header: &str) -> Result<Self, &'static str> {
+        Self::checked(header, &STATUS_NAMES, STATUS_REQUIRED.map(|column| column as usize))
     }
 }
 
@@ -215,5 +269,7 @@ mod tests {
         assert_eq!(RAW_NAMES[Raw::CodeType as usize], ["CodeType"]);
         assert_eq!(RAW_NAMES[Raw::Cn0DbHz as usize], ["Cn0DbHz"]);
         assert_eq!(FIX_NAMES[Fix::UnixTimeMillis as usize][1], "UnixTimeMillis");
+        assert_eq!(STATUS_NAMES[Status::BasebandCn0DbHz as usize], ["BasebandCn0DbHz"]);
+        assert_eq!(STATUS_NAMES[Status::Svid as usize], ["Svid"]);
     }
 }

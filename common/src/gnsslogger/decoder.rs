@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use super::columns::{FIX_COLUMNS, Layout, RAW_COLUMNS};
+use super::columns::{FIX_COLUMNS, Layout, RAW_COLUMNS, STATUS_COLUMNS};
 use super::epochs::Epochs;
 use super::fields::Fields;
 use super::fix::{self, Fix};
@@ -11,6 +11,7 @@ use super::nav::NavLines;
 use super::options::Options;
 use super::raw;
 use super::recognition::Recognition;
+use super::status::{self, Reports, SignalStatus};
 use super::table::Columns;
 use crate::decode::{Decoder, Record, WrongStream};
 use crate::rinex::{IonosphereTerms, shorten};
@@ -18,8 +19,7 @@ use crate::skips::Skips;
 use crate::time::GpsTime;
 
 /// Kinds of lines that the app writes and that have no use here.
-const UNUSED_KINDS: [&[u8]; 20] = [
-    b"Status",
+const UNUSED_KINDS: [&[u8]; 19] = [
     b"Agc",
     b"Accel",
     b"UncalAccel",
@@ -71,9 +71,12 @@ pub struct GnssLoggerDecoder {
     state: Recognition,
     raw: Columns<RAW_COLUMNS>,
     fix: Columns<FIX_COLUMNS>,
+    status: Columns<STATUS_COLUMNS>,
     epochs: Epochs,
     nav: NavLines,
     fixes: Vec<Fix>,
+    reports: Reports,
+    statuses: Vec<SignalStatus>,
     records: VecDeque<Record>,
     skips: Skips,
 }
@@ -94,9 +97,12 @@ impl GnssLoggerDecoder {
             state: Recognition::Open { first: None },
             raw: Columns::new(Layout::raw_standard(), false),
             fix: Columns::new(Layout::fix_standard(), false),
+            status: Columns::new(Layout::status_standard(), false),
             epochs: Epochs::default(),
             nav: NavLines::default(),
             fixes: Vec::new(),
+            reports: Reports::default(),
+            statuses: Vec::new(),
             records: VecDeque::new(),
             skips: Skips::default(),
         }
@@ -110,6 +116,16 @@ impl GnssLoggerDecoder {
     /// Takes the positions out, so that a long recording need not keep them.
     pub fn take_fixes(&mut self) -> Vec<Fix> {
         std::mem::take(&mut self.fixes)
+    }
+
+    /// What the phone said about signals so far, in the order of the lines.
+    pub fn statuses(&self) -> &[SignalStatus] {
+        &self.statuses
+    }
+
+    /// Takes it out, so that a long recording need not keep it.
+    pub fn take_statuses(&mut self) -> Vec<SignalStatus> {
+        std::mem::take(&mut self.statuses)
     }
 
     /// GLONASS frequency channels by slot number, as the carrier frequencies tell them.
@@ -158,10 +174,7 @@ impl GnssLoggerDecoder {
             b"Raw" => self.raw_line(line),
             b"Fix" => self.fix_line(line),
             b"Nav" => self.nav_line(line),
-            b"Status" => {
-                self.state.line(true, self.line_number, line);
-                self.skips.add("Status lines (not used)", || format!("line {number}"));
-            }
+            b"Status" => self.status_line(line),
             kind if UNUSED_KINDS.contains(&kind) => {
                 self.state.line(true, self.line_number, line);
                 self.skips
@@ -178,40 +191,30 @@ impl GnssLoggerDecoder {
     fn comment(&mut self, comment: &[u8]) {
         let number = self.line_number;
         let text = String::from_utf8_lossy(comment);
-        let missing = |skips: &mut Skips, column: &str| {
-            skips.add("header line without a needed column", || format!("line {number}: no column {column}"));
+        let taken = match text.split(',').next().filter(|kind| kind.len() < text.len()) {
+            Some("Raw") => Layout::raw(&text).map(|layout| self.raw = Columns::new(layout, true)),
+            Some("Fix") => Layout::fix(&text).map(|layout| self.fix = Columns::new(layout, true)),
+            Some("Status") => Layout::status(&text).map(|layout| self.status = Columns::new(layout, true)),
+            Some("Nav") => Ok(()),
+            _ => return,
         };
-        if text.starts_with("Raw,") {
-            match Layout::raw(&text) {
-                Ok(layout) => self.raw = Columns::new(layout, true),
-                Err(column) => missing(&mut self.skips, column),
-            }
-        } else if text.starts_with("Fix,") {
-            match Layout::fix(&text) {
-                Ok(layout) => self.fix = Columns::new(layout, true),
-                Err(column) => missing(&mut self.skips, column),
-            }
-        } else if !text.starts_with("Nav,") {
-            return;
+        if let Err(column) = taken {
+            self.skips
+                .add("header line without a needed column", || format!("line {number}: no column {column}"));
         }
-        self.state.line(true, self.line_number, comment);
+        self.state.line(true, number, comment);
     }
 
     fn raw_line(&mut self, line: &[u8]) {
-        self.state.line(true, self.line_number, line);
         let number = self.line_number;
+        self.state.line(true, number, line);
         if !self.raw.from_header {
             self.skips.add("Raw line without a header (columns of 2016 assumed; used)", || {
                 format!("line {number}")
             });
         }
-        let fields = match self.raw.split(line) {
-            Ok(fields) => fields,
-            Err(count) => {
-                return self.odd_count("Raw line with another number of fields", count, self.raw.fields);
-            }
-        };
         let mut read = Fields { kind: "Raw", line: number, skips: &mut self.skips };
+        let Some(fields) = self.raw.fields_of(line, &mut read) else { return };
         let Some(raw) = raw::parse(&fields, &mut read) else { return };
         self.epochs.line((number, &raw), &self.options, &mut self.skips, &mut self.records);
         self.nav.catch_up(&self.epochs, &mut self.skips, &mut self.records);
@@ -219,24 +222,21 @@ impl GnssLoggerDecoder {
 
     fn fix_line(&mut self, line: &[u8]) {
         self.state.line(true, self.line_number, line);
-        let fields = match self.fix.split(line) {
-            Ok(fields) => fields,
-            Err(count) => {
-                return self.odd_count("Fix line with another number of fields", count, self.fix.fields);
-            }
-        };
         let mut read = Fields { kind: "Fix", line: self.line_number, skips: &mut self.skips };
+        let Some(fields) = self.fix.fields_of(line, &mut read) else { return };
         self.fixes.extend(fix::parse(&fields, &mut read));
+    }
+
+    fn status_line(&mut self, line: &[u8]) {
+        self.state.line(true, self.line_number, line);
+        let mut read = Fields { kind: "Status", line: self.line_number, skips: &mut self.skips };
+        let Some(fields) = self.status.fields_of(line, &mut read) else { return };
+        self.statuses.extend(status::parse(&fields, self.epochs.time(), &mut self.reports, &mut read));
     }
 
     fn nav_line(&mut self, line: &[u8]) {
         self.state.line(true, self.line_number, line);
         self.nav.line((self.line_number, line), &self.epochs, &mut self.skips, &mut self.records);
-    }
-
-    fn odd_count(&mut self, reason: &str, found: usize, expected: usize) {
-        let number = self.line_number;
-        self.skips.add(reason, || format!("line {number}: {found} fields, {expected} expected"));
     }
 }
 

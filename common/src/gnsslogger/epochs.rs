@@ -76,6 +76,14 @@ impl Epochs {
                 });
             }
         };
+        if let Some(letter) = measured.odd_code_type {
+            skips.add("CodeType of no signal on its band (the usual one assumed; used)", || {
+                format!(
+                    "line {number}: {satellite}, {} taken as {}",
+                    letter as char, measured.observation.signal
+                )
+            });
+        }
         if let Err(refusal) = add_carrier(line, &mut measured, options) {
             skips.add(refusal.reason, || {
                 format!("line {number}: {satellite}, {} {}", refusal.value, refusal.quantity)

@@ -33,6 +33,12 @@ impl Fields<'_> {
         value
     }
 
+    /// Counts the line, or something in it, as refused.
+    pub(super) fn refuse(&mut self, reason: &str, describe: impl FnOnce() -> String) {
+        let (kind, line) = (self.kind, self.line);
+        self.skips.add(&format!("{kind} line: {reason}"), || format!("line {line}: {}", describe()));
+    }
+
     /// A number that may be missing.
     pub(super) fn optional<T>(
         &mut self,
@@ -65,6 +71,15 @@ pub(super) fn bits(field: &[u8]) -> Option<u32> {
     u32::try_from(value).ok().or_else(|| i32::try_from(value).ok().map(i32::cast_unsigned))
 }
 
+/// Yes or no, as 1 or 0.
+pub(super) fn flag(field: &[u8]) -> Option<bool> {
+    match field {
+        b"1" | b"true" => Some(true),
+        b"0" | b"false" => Some(false),
+        _ => None,
+    }
+}
+
 /// A real number; neither NaN nor infinite.
 pub(super) fn real(field: &[u8]) -> Option<f64> {
     std::str::from_utf8(field).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
@@ -84,6 +99,7 @@ mod tests {
         assert_eq!(integer(b"-1383435750910273353"), Some(-1_383_435_750_910_273_353));
         assert_eq!(integer(b"99999999999999999999"), None);
         assert_eq!(bits(b"-1"), Some(u32::MAX));
+        assert_eq!((flag(b"1"), flag(b"false"), flag(b"2")), (Some(true), Some(false), None));
         assert_eq!(bits(b"65551"), Some(65_551));
     }
 }

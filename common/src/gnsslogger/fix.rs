@@ -6,7 +6,7 @@ use super::leap::from_unix_millis;
 use crate::time::GpsTime;
 
 /// Where a fix came from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FixProvider {
     /// The GNSS chip.
     Gnss,
@@ -46,10 +46,9 @@ pub(super) fn parse(fields: &[&[u8]; FIX_COLUMNS], read: &mut Fields<'_>) -> Opt
     let longitude_deg = read.required("longitude", at(Column::Longitude), real)?;
     let millis = read.required("time", at(Column::UnixTimeMillis), integer)?;
     let time = from_unix_millis(millis);
-    let line = read.line;
     let Some(time_gps) = time.filter(|_| latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 180.0) else {
-        read.skips.add("Fix line: position or time out of range", || {
-            format!("line {line}: {latitude_deg}°, {longitude_deg}°, {millis} ms since 1970")
+        read.refuse("position or time out of range", || {
+            format!("{latitude_deg}°, {longitude_deg}°, {millis} ms since 1970")
         });
         return None;
     };
@@ -59,10 +58,19 @@ pub(super) fn parse(fields: &[&[u8]; FIX_COLUMNS], read: &mut Fields<'_>) -> Opt
         latitude_rad: latitude_deg.to_radians(),
         longitude_rad: longitude_deg.to_radians(),
         height_m: read.optional("altitude", at(Column::Altitude), real),
-        accuracy_m: read.optional("accuracy", at(Column::Accuracy), real),
+        accuracy_m: accuracy_m(at(Column::Accuracy), read),
         speed_mps: read.optional("speed", at(Column::Speed), real),
         bearing_rad: read.optional("bearing", at(Column::Bearing), real).map(f64::to_radians),
     })
+}
+
+fn accuracy_m(field: &[u8], read: &mut Fields<'_>) -> Option<f64> {
+    let accuracy_m = read.optional("accuracy", field, real)?;
+    if accuracy_m < 0.0 {
+        read.refuse("negative accuracy (the rest is used)", || format!("{accuracy_m} m"));
+        return None;
+    }
+    Some(accuracy_m)
 }
 
 fn provider(name: &[u8]) -> FixProvider {

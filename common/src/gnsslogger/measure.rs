@@ -16,7 +16,7 @@ mod range_state {
 }
 
 /// C/N0 that are believed, dB-Hz.
-const CN0_DBHZ: std::ops::RangeInclusive<f64> = 0.0..=70.0;
+pub(super) const CN0_DBHZ: std::ops::RangeInclusive<f64> = 0.0..=70.0;
 /// Largest Doppler that is believed, Hz: satellites and phones together make 10 kHz, a poor oscillator some more.
 const MAX_DOPPLER_HZ: f64 = 5e4;
 /// Largest accumulated delta range that is believed, cycles: days without a loss of lock. RINEX has no room for more.
@@ -42,6 +42,8 @@ const fn refuse<T>(reason: &'static str, quantity: &'static str, value: f64) -> 
 pub(super) struct Measured {
     pub(super) observation: Observation,
     pub(super) glonass_channel: Option<i8>,
+    /// The line's `CodeType`, where the band has no such signal.
+    pub(super) odd_code_type: Option<u8>,
 }
 
 /// Forms the observation of a line. `clock` is the epoch's time, `leap_seconds` that of GLONASS' scale.
@@ -77,6 +79,7 @@ pub(super) fn measure(
             loss_of_lock: LossOfLock::default(),
         },
         glonass_channel: signal.glonass_channel,
+        odd_code_type: signal.odd_code_type,
     })
 }
 
@@ -125,13 +128,15 @@ fn scale(
     masks: &Masks,
 ) -> Result<TransmitScale, Refusal> {
     let rule = masks.states.of(constellation);
-    let tracked = state & rule.tracked != 0 && state & rule.forbidden == 0;
-    if tracked && state & rule.timed != 0 {
-        Ok(TransmitScale::full(constellation, leap_seconds))
-    } else if tracked && state & rule.timed_100_ms != 0 {
+    if !rule.passes(state) {
+        return refuse("mask: state bits", "State", f64::from(state));
+    }
+    // That the code is tracked says nothing about the time, even where it is let pass for it.
+    let vouched = state & rule.timed & !rule.tracked != 0;
+    if !vouched && state & rule.timed_100_ms != 0 {
         Ok(TransmitScale::hundred_ms())
     } else {
-        refuse("mask: state bits", "State", f64::from(state))
+        Ok(TransmitScale::full(constellation, leap_seconds))
     }
 }
 

@@ -107,7 +107,8 @@ pub struct StateRule {
     pub tracked: u32,
     /// At least one of these must be set: the time of transmission is complete.
     pub timed: u32,
-    /// Or one of these: the time is known modulo 100 ms, which the travel time of 65 to 100 ms resolves.
+    /// Or one of these: the time is known modulo 100 ms, which the travel time of 65 to 100 ms resolves. Taken where none of
+    /// `timed` but those of `tracked` is set.
     pub timed_100_ms: u32,
     /// None of these may be set.
     pub forbidden: u32,

@@ -3,7 +3,7 @@
 //! P = c·(t_rx − t_tx), t_rx = TimeNanos + TimeOffsetNanos − (FullBiasNanos + BiasNanos), t_tx = ReceivedSvTimeNanos
 //! (Android API; GSA White Paper "Using GNSS raw measurements on Android devices", 2.4). The whole nanoseconds, 10¹⁸ of
 //! them, are integers throughout: a double would lose 128 ns, or 38 m. t_tx comes without its week (or day, or 100 ms), so the
-//! difference is known modulo that period, and travel times of 0.1 s make it unique.
+//! difference is known modulo that period, and travel times of 0.07 to 0.14 s make it unique.
 
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::gnss::Constellation;
@@ -13,6 +13,9 @@ const NANOS: i64 = 1_000_000_000;
 const WEEK_NS: i64 = 604_800 * NANOS;
 const DAY_NS: i64 = 86_400 * NANOS;
 const HUNDRED_MS_NS: i64 = NANOS / 10;
+/// Times of travel that are known modulo 100 ms are taken from here on: Galileo's, of 77 to 97 ms, stand in the middle of
+/// what follows, so that a clock may be off by 40 ms either way.
+const SHORTEST_OF_100_MS_NS: i64 = 37 * NANOS / 1_000;
 const BEIDOU_BEHIND_GPS_NS: i64 = 14 * NANOS;
 const GLONASS_AHEAD_OF_UTC_NS: i64 = 3 * 3_600 * NANOS;
 /// Metres that light travels in a nanosecond.
@@ -38,36 +41,37 @@ impl ReceiveTime {
 
 /// The scale in which a satellite's time counts, against GPS time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(clippy::struct_field_names)] // the unit
 pub(super) struct TransmitScale {
     period_ns: i64,
     /// The scale's reading minus GPS time.
     ahead_ns: i64,
+    /// Shortest time of travel, by a clock that may be wrong.
+    shortest_ns: i64,
 }
 
 impl TransmitScale {
-    /// Time of week; GLONASS: time of day of UTC + 3 h.
+    /// Time of week; GLONASS: time of day of UTC + 3 h. Any clock error below a hundredth of the period is let pass.
     pub(super) fn full(constellation: Constellation, leap_seconds: i64) -> Self {
-        match constellation {
-            Constellation::Glonass => {
-                Self { period_ns: DAY_NS, ahead_ns: GLONASS_AHEAD_OF_UTC_NS - leap_seconds * NANOS }
-            }
-            Constellation::Beidou => Self { period_ns: WEEK_NS, ahead_ns: -BEIDOU_BEHIND_GPS_NS },
-            _ => Self { period_ns: WEEK_NS, ahead_ns: 0 },
-        }
+        let (period_ns, ahead_ns) = match constellation {
+            Constellation::Glonass => (DAY_NS, GLONASS_AHEAD_OF_UTC_NS - leap_seconds * NANOS),
+            Constellation::Beidou => (WEEK_NS, -BEIDOU_BEHIND_GPS_NS),
+            _ => (WEEK_NS, 0),
+        };
+        Self { period_ns, ahead_ns, shortest_ns: -period_ns / 100 }
     }
 
     /// Time modulo the 100 ms of Galileo's secondary code.
     pub(super) const fn hundred_ms() -> Self {
-        Self { period_ns: HUNDRED_MS_NS, ahead_ns: 0 }
+        Self { period_ns: HUNDRED_MS_NS, ahead_ns: 0, shortest_ns: SHORTEST_OF_100_MS_NS }
     }
 
-    /// Pseudorange, m. The time of travel is the one from a hundredth of the period below zero up: a few milliseconds of
-    /// receiver clock error do not shift it into the next period. `None` on overflow.
+    /// Pseudorange, m. `None` on overflow.
     pub(super) fn pseudorange_m(self, receive: ReceiveTime, received_sv_time_ns: i64) -> Option<f64> {
         let reading = receive.whole_ns.checked_add(self.ahead_ns)?;
         let difference = reading.checked_sub(received_sv_time_ns)?;
-        let margin = self.period_ns / 100;
-        let travel_ns = difference.checked_add(margin)?.rem_euclid(self.period_ns) - margin;
+        let travel_ns =
+            difference.checked_sub(self.shortest_ns)?.rem_euclid(self.period_ns) + self.shortest_ns;
         Some((travel_ns as f64 + receive.fraction_ns) * METRES_PER_NS)
     }
 }
@@ -131,9 +135,9 @@ mod tests {
             prop_assert_eq!(glonass.pseudorange_m(receive, of_day), Some(expected));
         }
 
-        /// A Galileo signal of known 100 ms phase, from 77.5 to 97 ms away, clock within 1 ms.
+        /// A Galileo signal of known 100 ms phase, from 77.5 to 97 ms away, clock within 39 ms.
         #[test]
-        fn hundred_ms_are_enough(sent in 1_000_000_000_000_000_000_i64..1_500_000_000_000_000_000, travel_ns in 76_000_000_i64..98_000_000) {
+        fn hundred_ms_are_enough(sent in 1_000_000_000_000_000_000_i64..1_500_000_000_000_000_000, travel_ns in 38_000_000_i64..136_000_000) {
             let receive = ReceiveTime { whole_ns: sent + travel_ns, fraction_ns: 0.0 };
             let range = TransmitScale::hundred_ms().pseudorange_m(receive, sent.rem_euclid(HUNDRED_MS_NS));
             prop_assert_eq!(range, Some(travel_ns as f64 * METRES_PER_NS));

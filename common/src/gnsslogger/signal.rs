@@ -11,14 +11,58 @@ const GLONASS_G2_STEP_HZ: f64 = 437.5e3;
 /// Widest offset from a channel's frequency, Hz.
 const CHANNEL_TOLERANCE_HZ: f64 = 100e3;
 
-/// Bands to look for, with the attribute of the signal that phones track where the log has no code type.
-const BANDS: [(Constellation, &[(u8, u8)]); 6] = [
-    (Constellation::Gps, &[(b'1', b'C'), (b'5', b'Q'), (b'2', b'L')]),
-    (Constellation::Galileo, &[(b'1', b'C'), (b'5', b'Q'), (b'7', b'Q'), (b'6', b'C'), (b'8', b'Q')]),
-    (Constellation::Beidou, &[(b'2', b'I'), (b'1', b'P'), (b'5', b'P'), (b'7', b'I'), (b'6', b'I')]),
-    (Constellation::Qzss, &[(b'1', b'C'), (b'5', b'Q'), (b'2', b'L'), (b'6', b'L')]),
-    (Constellation::Sbas, &[(b'1', b'C'), (b'5', b'I')]),
-    (Constellation::Navic, &[(b'5', b'A'), (b'9', b'A')]),
+/// A band of a system.
+struct Band {
+    digit: u8,
+    /// Attribute of the signal that phones track where the log has no code type.
+    usual: u8,
+    /// Attributes of all its signals (RINEX 3.05, tables 4 to 10, and 4.01).
+    attributes: &'static [u8],
+}
+
+const fn band(digit: u8, usual: u8, attributes: &'static [u8]) -> Band {
+    Band { digit, usual, attributes }
+}
+
+/// Bands to look for; the first is the primary one.
+const BANDS: [(Constellation, &[Band]); 7] = [
+    (
+        Constellation::Gps,
+        &[band(b'1', b'C', b"CSLXPWYMNR"), band(b'5', b'Q', b"IQX"), band(b'2', b'L', b"CDSLXPWYMNR")],
+    ),
+    (Constellation::Glonass, &[band(b'1', b'C', b"CP"), band(b'2', b'C', b"CP")]),
+    (
+        Constellation::Galileo,
+        &[
+            band(b'1', b'C', b"ABCXZ"),
+            band(b'5', b'Q', b"IQX"),
+            band(b'7', b'Q', b"IQX"),
+            band(b'6', b'C', b"ABCXZ"),
+            band(b'8', b'Q', b"IQX"),
+        ],
+    ),
+    (
+        Constellation::Beidou,
+        &[
+            band(b'2', b'I', b"IQX"),
+            band(b'1', b'P', b"DPXSLZAN"),
+            band(b'5', b'P', b"DPX"),
+            band(b'7', b'I', b"IQXDPZ"),
+            band(b'6', b'I', b"IQXDPZA"),
+            band(b'8', b'P', b"DPX"),
+        ],
+    ),
+    (
+        Constellation::Qzss,
+        &[
+            band(b'1', b'C', b"CSLXZBE"),
+            band(b'5', b'Q', b"IQXDPZ"),
+            band(b'2', b'L', b"SLX"),
+            band(b'6', b'L', b"SLXEZ"),
+        ],
+    ),
+    (Constellation::Sbas, &[band(b'1', b'C', b"C"), band(b'5', b'I', b"IQX")]),
+    (Constellation::Navic, &[band(b'5', b'A', b"ABCX"), band(b'9', b'A', b"ABCX")]),
 ];
 
 /// The satellite of `ConstellationType` and `Svid` (Android API, `GnssStatus.getSvid`), or the reason why there is none.
@@ -47,6 +91,8 @@ pub(super) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteI
 pub(super) struct Signal {
     pub(super) code: SignalCode,
     pub(super) glonass_channel: Option<i8>,
+    /// A code type that the band does not have; the usual one stands in its place.
+    pub(super) odd_code_type: Option<u8>,
 }
 
 /// The signal on a carrier. Without a frequency, as in logs of 2016, it is the system's primary civil signal. `None` when
@@ -56,30 +102,37 @@ pub(super) fn signal(
     frequency_hz: Option<f64>,
     code_type: Option<u8>,
 ) -> Option<Signal> {
-    if constellation == Constellation::Glonass {
-        return glonass(frequency_hz, code_type);
-    }
     let bands = BANDS.iter().find(|(system, _)| *system == constellation)?.1;
-    let (band, usual) = match frequency_hz {
-        None => *bands.first()?,
-        Some(frequency) => *bands.iter().find(|(band, attribute)| {
-            SignalCode::new(*band, *attribute)
-                .frequency_hz(constellation, None)
-                .is_some_and(|nominal| (nominal - frequency).abs() <= FREQUENCY_TOLERANCE_HZ)
-        })?,
+    let (band, glonass_channel) = match frequency_hz {
+        None => (bands.first()?, None),
+        Some(frequency) if constellation == Constellation::Glonass => {
+            let (digit, channel) = glonass(frequency)?;
+            (bands.iter().find(|band| band.digit == digit)?, Some(channel))
+        }
+        Some(frequency) => (bands.iter().find(|band| band.is_at(constellation, frequency))?, None),
     };
-    Some(Signal { code: SignalCode::new(band, code_type.unwrap_or(usual)), glonass_channel: None })
+    let known = code_type.filter(|letter| band.attributes.contains(letter));
+    Some(Signal {
+        code: SignalCode::new(band.digit, known.unwrap_or(band.usual)),
+        glonass_channel,
+        odd_code_type: code_type.filter(|_| known.is_none()),
+    })
 }
 
-fn glonass(frequency_hz: Option<f64>, code_type: Option<u8>) -> Option<Signal> {
-    let attribute = code_type.unwrap_or(b'C');
-    let Some(frequency) = frequency_hz else {
-        return Some(Signal { code: SignalCode::new(b'1', attribute), glonass_channel: None });
-    };
-    let on = |band: u8, centre_hz: f64, step_hz: f64| {
+impl Band {
+    fn is_at(&self, constellation: Constellation, frequency_hz: f64) -> bool {
+        SignalCode::new(self.digit, self.usual)
+            .frequency_hz(constellation, None)
+            .is_some_and(|nominal| (nominal - frequency_hz).abs() <= FREQUENCY_TOLERANCE_HZ)
+    }
+}
+
+/// Band and channel of a GLONASS carrier.
+fn glonass(frequency_hz: f64) -> Option<(u8, i8)> {
+    let on = |digit: u8, centre_hz: f64, step_hz: f64| {
         let channel = (-7..=6_i8)
-            .find(|k| (centre_hz + f64::from(*k) * step_hz - frequency).abs() <= CHANNEL_TOLERANCE_HZ)?;
-        Some(Signal { code: SignalCode::new(band, attribute), glonass_channel: Some(channel) })
+            .find(|k| (centre_hz + f64::from(*k) * step_hz - frequency_hz).abs() <= CHANNEL_TOLERANCE_HZ)?;
+        Some((digit, channel))
     };
     on(b'1', GLONASS_G1_HZ, GLONASS_G1_STEP_HZ).or_else(|| on(b'2', GLONASS_G2_HZ, GLONASS_G2_STEP_HZ))
 }
@@ -136,10 +189,31 @@ mod tests {
         assert_eq!(code(Glonass, Some(1_599_750_020.0), Some(b'C')), Some(("1C".to_owned(), Some(-4))));
         assert_eq!(code(Glonass, Some(1_248_625_000.0), None), Some(("2C".to_owned(), Some(6))));
         assert_eq!(code(Glonass, None, None), plain("1C"));
+        assert_eq!(code(Beidou, Some(1_191_795_000.0), None), plain("8P"));
         for (system, hz) in
             [(Gps, 1_561_098_000.0), (Glonass, 1_575_420_000.0), (Galileo, 0.0), (Gps, f64::MAX)]
         {
             assert_eq!(code(system, Some(hz), None), None);
         }
+    }
+    /// Some chips call every code C, or name a code where there is no frequency to tell the band.
+    #[test]
+    fn a_code_type_that_the_band_does_not_have_is_not_believed() {
+        use Constellation::{Beidou, Galileo, Glonass, Gps, Qzss, Sbas};
+        for (system, hz, letter, expected) in [
+            (Gps, Some(1_176_450_050.0), b'C', "5Q"),
+            (Gps, None, b'Q', "1C"),
+            (Galileo, Some(1_176_450_050.0), b'C', "5Q"),
+            (Beidou, Some(1_561_097_980.0), b'C', "2I"),
+            (Beidou, Some(1_575_420_030.0), b'C', "1P"),
+            (Glonass, Some(1_599_750_020.0), b'I', "1C"),
+            (Qzss, Some(1_575_420_030.0), b'Q', "1C"),
+            (Sbas, None, b'I', "1C"),
+        ] {
+            let found = signal(system, hz, Some(letter)).unwrap();
+            assert_eq!((found.code.to_string().as_str(), found.odd_code_type), (expected, Some(letter)));
+        }
+        let l1c = signal(Gps, Some(1_575_420_030.0), Some(b'X')).unwrap();
+        assert_eq!((l1c.code.to_string().as_str(), l1c.odd_code_type), ("1X", None));
     }
 }

@@ -1,6 +1,7 @@
 //! Columns and their number.
 
 use super::columns::Layout;
+use super::fields::Fields;
 
 /// The columns of a kind of line, and how many fields its lines have.
 #[derive(Clone, Debug)]
@@ -9,7 +10,7 @@ pub(super) struct Columns<const N: usize> {
     /// The log has a header for it.
     pub(super) from_header: bool,
     /// Number of fields.
-    pub(super) fields: usize,
+    fields: usize,
     /// A different number of fields that waits for a second line.
     suspect: Option<usize>,
 }
@@ -20,17 +21,21 @@ impl<const N: usize> Columns<N> {
     }
 
     /// The used fields of a line, when it has as many fields as the header. Where the lines agree with each other but not
-    /// with the header, the second one is believed. Otherwise the number that was found.
-    pub(super) fn split<'a>(&mut self, line: &'a [u8]) -> Result<[&'a [u8]; N], usize> {
+    /// with the header, the second one is believed. Otherwise `None` (counted).
+    pub(super) fn fields_of<'a>(&mut self, line: &'a [u8], read: &mut Fields<'_>) -> Option<[&'a [u8]; N]> {
         let (values, count) = self.layout.split(line);
         if count != self.fields {
             if self.suspect != Some(count) {
                 self.suspect = Some(count);
-                return Err(count);
+                let (kind, number, expected) = (read.kind, read.line, self.fields);
+                read.skips.add(&format!("{kind} line with another number of fields"), || {
+                    format!("line {number}: {count} fields, {expected} expected")
+                });
+                return None;
             }
             self.fields = count;
         }
         self.suspect = None;
-        Ok(values)
+        Some(values)
     }
 }

@@ -1,9 +1,12 @@
 //! What holds of every record, whatever it was read from.
 
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::RangeInclusive;
 
 use cofix_common::decode::Record;
+use cofix_common::frames::Direction;
 use cofix_common::gnss::{Observation, ObservationEpoch, SatelliteId};
+use cofix_common::gnsslogger::{Fix, SignalStatus};
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, SatelliteState};
 use cofix_common::rinex::Packing;
 
@@ -77,6 +80,21 @@ fn observations(epoch: &ObservationEpoch) {
     let count = names.len();
     names.dedup();
     assert_eq!(names.len(), count, "{}: a signal twice", epoch.time_gps);
+}
+
+/// A phone's own position lies on the Earth, and its accuracy is one.
+pub(crate) fn fix(fix: &Fix) {
+    let inside = fix.latitude_rad.abs() <= FRAC_PI_2 && fix.longitude_rad.abs() <= PI;
+    assert!(inside && fix.accuracy_m.is_none_or(|m| m >= 0.0 && m.is_finite()), "{fix:?}");
+}
+
+/// What a phone says about a signal can be.
+pub(crate) fn status(status: &SignalStatus) {
+    numbered(status.satellite);
+    let strengths = [status.cn0_dbhz, status.baseband_cn0_dbhz];
+    assert!(strengths.into_iter().flatten().all(|cn0| cn0 > 0.0 && cn0 <= 70.0), "{status:?}");
+    let is_one = |d: Direction| (0.0..TAU).contains(&d.azimuth_rad) && d.elevation_rad.abs() <= FRAC_PI_2;
+    assert!(status.direction.is_none_or(is_one), "{status:?}");
 }
 
 fn numbered(satellite: SatelliteId) {

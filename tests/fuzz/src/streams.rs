@@ -11,7 +11,7 @@ use cofix_common::rinex::{ObservationDecoder, ObservationFile};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::time::GpsTime;
 
-use crate::portions::{Outcome, feed_both_ways, same};
+use crate::portions::{Outcome, feed, feed_both_ways, random_portions, same};
 use crate::{checks, round_trip};
 
 /// An instant for streams that carry the time of week only: 2020-08-13.
@@ -62,6 +62,19 @@ pub fn gnsslogger(bytes: &[u8]) {
     let outcome = feed_both_ways(|| GnssLoggerDecoder::new(options.clone()), bytes);
     checks::records(&outcome.records, bytes.len());
     checks::in_order(&outcome.records);
+    said_by_the_phone(bytes);
+}
+
+/// `Fix` and `Status` lines, which are no records.
+fn said_by_the_phone(bytes: &[u8]) {
+    let (mut whole, mut cut) = (GnssLoggerDecoder::default(), GnssLoggerDecoder::default());
+    let outcome = feed(&mut whole, [bytes]);
+    feed(&mut cut, random_portions(bytes));
+    // As in `feed_both_ways`: of another kind of stream, what follows the end may be read.
+    assert!(outcome.end.is_err() || cut.fixes() == whole.fixes(), "in portions and at once");
+    assert!(outcome.end.is_err() || cut.statuses() == whole.statuses(), "in portions and at once");
+    whole.fixes().iter().for_each(checks::fix);
+    whole.statuses().iter().for_each(checks::status);
 }
 
 /// RTCM 3, with its frames.
@@ -86,10 +99,10 @@ pub fn stream(bytes: &[u8]) {
     use cofix_common::decode::Decoder;
 
     let mut whole = StreamDecoder::new(near());
-    let at_once = crate::portions::feed(&mut whole, [bytes]);
+    let at_once = feed(&mut whole, [bytes]);
     check_loosely(&at_once, bytes);
     let mut cut = StreamDecoder::new(near());
-    let in_portions = crate::portions::feed(&mut cut, crate::portions::random_portions(bytes));
+    let in_portions = feed(&mut cut, random_portions(bytes));
     // RTCM 3 is recognised by its first frame, text by its lines: of a mixture, whichever comes first.
     if whole.format() == cut.format() && whole.format() != Some(Format::Rtcm3) {
         assert!(same(&at_once.records, &in_portions.records), "{:?}", whole.format());
@@ -103,7 +116,7 @@ pub fn stream(bytes: &[u8]) {
     let mut interrupted = StreamDecoder::new(near());
     let (before, after) = bytes.split_at(bytes.len() / 2);
     if interrupted.feed(before).is_ok() && interrupted.interrupt().is_ok() {
-        check_loosely(&crate::portions::feed(&mut interrupted, [after]), bytes);
+        check_loosely(&feed(&mut interrupted, [after]), bytes);
     }
 }
 
