@@ -16,6 +16,8 @@ use crate::format::{self, Format};
 
 /// A stream is recognised within this many bytes.
 pub const BYTES_TO_RECOGNISE: usize = 65_536;
+/// Interrupted so often before it was recognised, a stream will never be.
+const STARTS_TO_RECOGNISE: u32 = 12;
 
 /// Decodes a stream of any format that is read.
 #[derive(Clone, Debug)]
@@ -30,6 +32,8 @@ enum Kind {
     Open {
         start: Vec<u8>,
         probe: Box<RtcmDecoder>,
+        /// How often it was interrupted after some bytes.
+        false_starts: u32,
     },
     Rinex(Format, Box<ObservationDecoder>),
     GnssLogger(Box<GnssLoggerDecoder>),
@@ -44,7 +48,10 @@ impl StreamDecoder {
         // UTC is behind by seconds only: the same number except around a leap second itself.
         let leap_seconds = u8::try_from(leap_seconds_at(near)).unwrap_or(0);
         let probe = Box::new(RtcmDecoder::new(RtcmOptions { near, leap_seconds }));
-        Self { kind: Kind::Open { start: Vec::new(), probe }, log: gnsslogger::Options::default() }
+        Self {
+            kind: Kind::Open { start: Vec::new(), probe, false_starts: 0 },
+            log: gnsslogger::Options::default(),
+        }
     }
 
     /// The same for GnssLogger text read in another way than by default.
@@ -122,10 +129,14 @@ impl StreamDecoder {
     /// other; frames of RTCM 3 find their own beginning.
     ///
     /// # Errors
-    /// As [`Decoder::feed`].
+    /// As [`Decoder::feed`], and when the stream was interrupted a dozen times before it could be recognised.
     pub fn interrupt(&mut self) -> Result<(), WrongStream> {
         match &mut self.kind {
-            Kind::Open { start, .. } => {
+            Kind::Open { start, false_starts, .. } => {
+                *false_starts += u32::from(!start.is_empty());
+                if *false_starts >= STARTS_TO_RECOGNISE && !start.is_empty() {
+                    return Err(WrongStream { reason: format::unknown(start) });
+                }
                 start.clear();
                 Ok(())
             }
@@ -146,7 +157,7 @@ impl StreamDecoder {
 
     /// Recognises the stream, if it can be recognised, and hands over what came so far.
     fn recognise(&mut self, bytes: &[u8], ended: bool) -> Result<(), WrongStream> {
-        let Kind::Open { start, probe } = &mut self.kind else { return Ok(()) };
+        let Kind::Open { start, probe, .. } = &mut self.kind else { return Ok(()) };
         start.extend_from_slice(bytes);
         // Its own verdict comes later than ours; what it skipped counts only if it is the one.
         let _ = probe.feed(bytes);

@@ -164,6 +164,16 @@ fn a_lost_connection_is_opened_again() {
     assert_eq!(skips.count("source ended before its end"), 1, "the server is gone for good: {skips}");
 }
 
+/// Some other service's greeting, over and over: not asked for ever.
+#[test]
+fn a_server_that_never_says_anything_useful_is_given_up() {
+    let (address, serving) = server(vec![b"hello, this is telnet\r\n".to_vec(); 13]);
+    let mut records = records(Connected::new(&address, quick(1_000)));
+    let error = records.next(&Stop::default()).unwrap_err().to_string();
+    assert!(error.contains("begins with 'hello, this is telnet"), "{error}");
+    serving.join().unwrap();
+}
+
 #[test]
 fn a_server_that_was_never_there_is_an_error_that_names_it() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

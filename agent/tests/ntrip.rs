@@ -77,6 +77,7 @@ fn refusals_say_what_to_do_and_are_final() {
             "no mount point 'BASE' now",
         ),
         ("HTTP/1.1 200 OK\r\nContent-Type: gnss/sourcetable\r\n\r\n", "no mount point 'BASE' now"),
+        ("HTTP/1.1 200 OK\r\nContent-Type: text/html\r\n\r\n<html>", "a web page is answered"),
     ] {
         let caster = TestCaster::start(vec![vec![reply.as_bytes().to_vec()]]);
         // A second attempt would wait for a caster that is gone for ever.
@@ -168,6 +169,12 @@ fn sourcetables_of_both_revisions_are_read() {
         assert_eq!(table.streams[0].mount, "BASE");
         assert!(caster.requests()[0].starts_with("GET / HTTP/1.1\r\n"));
     }
+    let page = "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\n\r\n<html>It works!\r\n";
+    let caster = TestCaster::start(vec![vec![page.as_bytes().to_vec()]]);
+    let address: Caster = format!("ntrip://{}", caster.address).parse().unwrap();
+    let error = sourcetable(&address, &Stop::default()).unwrap_err().to_string();
+    assert!(error.contains("no sourcetable") && error.contains("'<html>It works!'"), "{error}");
+    caster.requests();
     let caster = TestCaster::start(vec![vec![head("HTTP/1.1 401 Unauthorized")]]);
     let address: Caster = format!("ntrip://{}", caster.address).parse().unwrap();
     let error = sourcetable(&address, &Stop::default()).unwrap_err().to_string();

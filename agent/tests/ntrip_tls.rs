@@ -115,7 +115,7 @@ fn a_caster_with_a_certificate_of_its_own_is_believed_when_that_is_given() {
     let config = server(other.issuer.der().clone(), other.issuer.key());
     let caster = TestCaster::start_secured(vec![vec![head("ICY 200 OK")]], &config);
     let said = failure(&mut caster.secured_records(&authority.trust(), 1_000_000));
-    assert!(said.contains("certificate"), "{said}");
+    assert!(said.contains("certificate is not accepted") && said.contains("--caster-ca FILE"), "{said}");
     assert_eq!(caster.requests(), [""]);
 }
 

@@ -147,7 +147,7 @@ fn distrusted(fault: &CertificateError) -> DialError {
                 .to_owned(),
         ),
         Fault::NotValidForName | Fault::NotValidForNameContext { .. } => {
-            DialError::Refused(format!("the caster's certificate is for another name ({fault})"))
+            DialError::Refused(format!("the caster's certificate is for another name ({fault}): write the host as the certificate has it"))
         }
         // The clock of a computer without a battery may be put right later.
         Fault::Expired
@@ -156,6 +156,8 @@ fn distrusted(fault: &CertificateError) -> DialError {
         | Fault::NotValidYetContext { .. } => failed(&format!(
             "the caster's certificate is not valid now ({fault}): is this computer's clock right?"
         )),
-        _ => DialError::Refused(format!("the caster's certificate is not accepted ({fault})")),
+        _ => DialError::Refused(format!(
+            "the caster's certificate is not accepted ({fault}): if it made that itself, name it with --caster-ca FILE"
+        )),
     }
 }

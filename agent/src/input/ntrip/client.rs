@@ -24,6 +24,9 @@ const REPORT: Duration = Duration::from_secs(10);
 pub(super) const SPEAKS_TLS: &str =
     "the caster speaks TLS at this port: write ntrips:// in place of ntrip://";
 
+/// What to do about a web server.
+const WEB_PAGE: &str = "a web page is answered in place of a stream: is this the caster's port?";
+
 /// Where the rover is, as far as that is known. Clones share it.
 #[derive(Clone, Debug, Default)]
 pub struct RoverPosition(Arc<Mutex<Option<Ecef>>>);
@@ -77,6 +80,7 @@ impl Client {
             Reply::NotUnderstood(text) | Reply::Other(text) => {
                 DialError::Failed(format!("the caster answers '{text}'"))
             }
+            Reply::WebPage { .. } => DialError::Refused(WEB_PAGE.to_owned()),
             Reply::Tls => DialError::Refused(SPEAKS_TLS.to_owned()),
             Reply::Stream { .. } => DialError::Failed("the stream is there".to_owned()),
         }

@@ -23,6 +23,11 @@ pub enum Reply {
         /// In chunks.
         chunked: bool,
     },
+    /// A page for people: no caster, or one that takes us for a browser.
+    WebPage {
+        /// In chunks.
+        chunked: bool,
+    },
     /// User or password are wrong, or missing.
     Unauthorized(String),
     /// There is no such mount point.
@@ -109,6 +114,7 @@ fn second_revision(response: &httparse::Response<'_, '_>) -> Reply {
     let chunked = header("Transfer-Encoding").contains("chunked");
     match code {
         200 if header("Content-Type").contains("sourcetable") => Reply::Sourcetable { chunked },
+        200 if header("Content-Type").contains("text/html") => Reply::WebPage { chunked },
         200 => Reply::Stream { chunked },
         401 | 403 => Reply::Unauthorized(text),
         404 => Reply::NotFound(text),
@@ -118,7 +124,7 @@ fn second_revision(response: &httparse::Response<'_, '_>) -> Reply {
 }
 
 /// The beginning of what a caster said, printable.
-fn shown(bytes: &[u8]) -> String {
+pub(super) fn shown(bytes: &[u8]) -> String {
     let line = bytes.split(|byte| *byte == b'\n').next().unwrap_or_default().trim_ascii();
     let start = line.get(..line.len().min(SHOWN)).unwrap_or_default();
     start.iter().map(|byte| std::ascii::escape_default(*byte).to_string()).collect()
@@ -146,6 +152,11 @@ mod tests {
                 b"HTTP/1.1 200 OK\r\ncontent-type: gnss/sourcetable\r\n\r\nSTR;",
                 Reply::Sourcetable { chunked: false },
                 b"STR;",
+            ),
+            (
+                b"HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\r\n<html>",
+                Reply::WebPage { chunked: false },
+                b"<html>",
             ),
             (
                 b"SOURCETABLE 200 OK\r\nServer: NTRIP x: y\r\nContent-Length: 9\r\n\r\nSTR;a: b;\r\n",

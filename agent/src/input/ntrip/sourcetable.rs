@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::address::Caster;
 use super::client::{Body, Revision, SPEAKS_TLS, await_reply, connect, request, unauthorized};
-use super::reply::Reply;
+use super::reply::{Reply, shown};
 use crate::Stop;
 use crate::input::connection::{DialError, is_no_news};
 
@@ -62,7 +62,11 @@ pub fn sourcetable(caster: &Caster, stop: &Stop) -> Result<Sourcetable, Sourceta
     let text = fetch(caster, stop).map_err(|error| match error {
         DialError::Failed(reason) | DialError::Refused(reason) => failed(reason),
     })?;
-    Ok(Sourcetable::parse(&text))
+    let table = Sourcetable::parse(&text);
+    if table == Sourcetable::default() && !ends(text.as_bytes()) {
+        return Err(failed(format!("the answer is none, it begins with '{}'", shown(text.as_bytes()))));
+    }
+    Ok(table)
 }
 
 fn fetch(caster: &Caster, stop: &Stop) -> Result<String, DialError> {
@@ -70,7 +74,7 @@ fn fetch(caster: &Caster, stop: &Stop) -> Result<String, DialError> {
     wire.write_all(request(caster, "/", Revision::Second, None).as_bytes())?;
     let (reply, first) = await_reply(wire.as_mut(), caster, stop)?;
     let chunked = match reply {
-        Reply::Sourcetable { chunked } | Reply::Stream { chunked } => chunked,
+        Reply::Sourcetable { chunked } | Reply::Stream { chunked } | Reply::WebPage { chunked } => chunked,
         Reply::Unauthorized(text) => return Err(DialError::Refused(unauthorized(caster, &text))),
         Reply::Tls => return Err(DialError::Refused(SPEAKS_TLS.to_owned())),
         Reply::NotFound(text) | Reply::NotUnderstood(text) | Reply::Other(text) => {
