@@ -60,6 +60,12 @@ impl StreamDecoder {
         Self { log, ..self }
     }
 
+    /// A decoder for another stream that is read in the same way.
+    #[must_use]
+    pub fn renewed(&self, near: GpsTime) -> Self {
+        Self::new(near).with_log_options(self.log.clone())
+    }
+
     /// The format, once it is recognised.
     pub fn format(&self) -> Option<Format> {
         match &self.kind {
@@ -169,7 +175,9 @@ impl StreamDecoder {
                 Kind::ChallengeTable(Box::new(DerivedDecoder::new(self.log.masks.clone())))
             }
             Some(Format::Rtcm3) | None if probe.frames() > 0 => Kind::Rtcm3(probe.clone()),
-            Some(Format::Rtcm3) | None if ended || start.len() >= BYTES_TO_RECOGNISE => {
+            Some(Format::Rtcm3) | None
+                if ended || start.len() >= BYTES_TO_RECOGNISE || format::is_packed(start) =>
+            {
                 return Err(WrongStream { reason: format::unknown(start) });
             }
             Some(Format::Rtcm3) | None => return Ok(()),

@@ -33,8 +33,10 @@ const PORTION_BYTES: usize = 65_536;
 pub enum Portion {
     /// Bytes that continue the ones before; they are in the caller's buffer.
     Bytes,
-    /// What follows does not continue what came before: a connection was lost, a file was written anew.
+    /// What follows does not continue what came before: a connection was lost.
     Broken,
+    /// What follows is another file, from its beginning.
+    Anew,
     /// Nothing more comes: the end, or a request to stop.
     End,
     /// Nothing more comes although more was to come: the reason is in [`Bytes::last_words`].
