@@ -74,6 +74,7 @@ fn ephemeris(table: &Table, row: &[String]) -> KeplerEphemeris {
         accuracy_m: 2.0,
         health: n("svh"),
         issue_of_data: 0,
+        issue_of_clock: 0,
     }
 }
 
