@@ -11,8 +11,8 @@ use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{ClientConfig, DigitallySignedStruct, Error, RootCertStore, SignatureScheme};
 
 /// Authorities of the system (or, where it names none, those that Mozilla lists), and certificates that the user gives besides. Of the
-/// latter each vouches as an authority, and for the server that shows that very certificate: a server with one that it made itself
-/// needs no authority.
+/// latter each vouches as an authority, and for the server that shows that very certificate, whatever name and dates it has: a server that
+/// made its own needs no authority.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Trust {
     given: Vec<CertificateDer<'static>>,
