@@ -1,14 +1,14 @@
 //! The agent's arguments.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 use cofix_agent::corrections::{CorrectionSourceError, base_position};
-use cofix_agent::input::LiveSource;
+use cofix_agent::input::{LiveSource, Trust};
 use cofix_agent::masks::{LogOptions, Masks};
 use cofix_agent::pipeline::PipelineOptions;
-use cofix_agent::{AgentConfig, Corrections, ProductFiles, ProductSource, Source, Speed};
+use cofix_agent::{AgentConfig, CorrectionSource, Corrections, ProductFiles, ProductSource, Source, Speed};
 use cofix_common::frames::Ecef;
 use cofix_common::measurement::{CorrectionOptions, DifferentialOptions, Ionosphere};
 use cofix_common::time::GpsTime;
@@ -45,9 +45,19 @@ pub(crate) enum Command {
 
 #[derive(Debug, Args)]
 pub(crate) struct Sourcetable {
-    /// ntrip://HOST:PORT, or with an account ntrip://USER:PASSWORD@HOST:PORT
+    /// ntrip://HOST:PORT, or with an account ntrip://USER:PASSWORD@HOST:PORT; ntrips:// with TLS
     // Read later: what refuses arguments here would show the password.
     pub(crate) caster: String,
+    /// Certificates (PEM) that are trusted besides the system's, for casters in TLS: of an authority of your own, or of the caster
+    #[arg(long, value_name = "FILE")]
+    pub(crate) caster_ca: Option<PathBuf>,
+}
+
+/// Who may vouch for casters in TLS; `is_used`: whether one is named.
+pub(crate) fn trust(caster_ca: Option<&Path>, is_used: bool) -> anyhow::Result<Trust> {
+    let Some(path) = caster_ca else { return Ok(Trust::default()) };
+    anyhow::ensure!(is_used, "--caster-ca is for casters in TLS, and no ntrips:// is named");
+    Ok(Trust::with_file(path)?)
 }
 
 #[derive(Debug, Args)]
@@ -102,6 +112,7 @@ pub(crate) struct Publish {
     phone: String,
     /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz and .Z too), or a live source: '-' for
     /// standard input, tcp://HOST:PORT for a server that sends bytes, ntrip://USER:PASSWORD@HOST:PORT/MOUNT for a stream of a caster
+    /// (ntrips:// with TLS)
     #[arg(long, value_name = "SOURCE", required_unless_present = "follow")]
     pub(crate) observations: Option<String>,
     /// File that is being written, read as it grows
@@ -119,7 +130,7 @@ pub(crate) struct Publish {
     /// nothing but pairs
     #[arg(long, value_name = "METHOD", default_value = "model")]
     ionosphere: Ionosphere,
-    /// Corrections: a recorded file, tcp://HOST:PORT or ntrip://USER:PASSWORD@HOST:PORT/MOUNT. Its ephemerides are used, and, when it
+    /// Corrections: a recorded file, tcp://HOST:PORT or ntrip://USER:PASSWORD@HOST:PORT/MOUNT (ntrips:// with TLS). Its ephemerides are used, and, when it
     /// carries the observations of a base station, pseudoranges are corrected by them; may be repeated
     // Read later: what refuses arguments here would show the password.
     #[arg(long, value_name = "SOURCE")]
@@ -130,6 +141,9 @@ pub(crate) struct Publish {
     /// Corrections older than this are not used, seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=3_600))]
     corrections_age: u64,
+    /// Certificates (PEM) that are trusted besides the system's, for casters in TLS: of an authority of your own, or of the caster
+    #[arg(long, value_name = "FILE")]
+    caster_ca: Option<PathBuf>,
     /// Zenoh endpoint of the hub; may be repeated
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     connect: Vec<String>,
@@ -149,17 +163,20 @@ impl Publish {
         masks: &Masks,
         log: &LogOptions,
     ) -> anyhow::Result<AgentConfig> {
+        let mut source = self.source()?;
+        let mut sources: Vec<CorrectionSource> = self
+            .corrections
+            .iter()
+            .map(|source| source.parse())
+            .collect::<Result<_, CorrectionSourceError>>()?;
+        self.trust(&mut source, &mut sources)?;
         Ok(AgentConfig {
-            source: self.source()?,
+            source,
             group: self.group,
             phone: self.phone,
             products: ProductSource::Files(products),
             corrections: Corrections {
-                sources: self
-                    .corrections
-                    .iter()
-                    .map(|source| source.parse())
-                    .collect::<Result<_, CorrectionSourceError>>()?,
+                sources,
                 base_position: self.base_position,
                 options: DifferentialOptions {
                     maximum_age_s: self.corrections_age as f64,
@@ -180,6 +197,22 @@ impl Publish {
             patience: Duration::from_secs(self.patience),
             kept_messages: AgentConfig::KEPT_MESSAGES,
         })
+    }
+
+    /// Tells live sources who may vouch for their casters.
+    fn trust(&self, source: &mut Source, corrections: &mut [CorrectionSource]) -> anyhow::Result<()> {
+        let own = if let Source::Live { from, .. } = source { Some(from) } else { None };
+        let others = corrections.iter_mut().filter_map(|source| match source {
+            CorrectionSource::Live(live) => Some(live),
+            CorrectionSource::File(_) => None,
+        });
+        let mut secured: Vec<&mut LiveSource> =
+            own.into_iter().chain(others).filter(|live| live.is_secured()).collect();
+        let trust = trust(self.caster_ca.as_deref(), !secured.is_empty())?;
+        for live in &mut secured {
+            **live = live.clone().trusting(&trust);
+        }
+        Ok(())
     }
 
     fn source(&self) -> anyhow::Result<Source> {

@@ -84,16 +84,29 @@ fn is_log_line(line: &[u8]) -> bool {
 }
 
 /// Beginnings of what users are likely to have instead.
-const OTHERS: [(&[u8], &str); 8] = [
+const OTHERS: [(&[u8], &str); 5] = [
     (b"$G", "this looks like NMEA text, which has positions and no observations"),
     (b"$@", "this looks like Septentrio SBF; convert it to RINEX"),
     (b"\xb5\x62", "this looks like u-blox UBX; convert it to RINEX"),
-    (b"PK\x03\x04", "this is a zip archive; unpack it"),
-    (b"BZh", "this is compressed with bzip2; uncompress it"),
-    (b"\xfd7zXZ", "this is compressed with xz; uncompress it"),
     (b"#c", "this looks like SP3 orbits; they go to --sp3"),
     (b"#d", "this looks like SP3 orbits; they go to --sp3"),
 ];
+
+/// Beginnings of what is packed. Of recorded files the last two are unpacked before they come here.
+const PACKED: [(&[u8], &str); 5] = [
+    (b"PK\x03\x04", "this is a zip archive; unpack it"),
+    (b"BZh", "this is compressed with bzip2; uncompress it"),
+    (b"\xfd7zXZ", "this is compressed with xz; uncompress it"),
+    (b"\x1f\x8b\x08", LIVE_AND_PACKED),
+    (b"\x1f\x9d", LIVE_AND_PACKED),
+];
+const LIVE_AND_PACKED: &str =
+    "packed data are read from recorded files only; as they come: zcat FILE | cofix-agent --observations -";
+
+/// Whether a stream is packed: nothing that follows will make it readable.
+pub fn is_packed(start: &[u8]) -> bool {
+    PACKED.iter().any(|(bytes, _)| start.starts_with(bytes))
+}
 
 /// Says what an unknown stream begins with, and what is read.
 pub fn unknown(start: &[u8]) -> String {
@@ -102,7 +115,7 @@ pub fn unknown(start: &[u8]) -> String {
     }
     let shown = start.get(..start.len().min(24)).unwrap_or_default();
     let text: String = shown.iter().map(|byte| std::ascii::escape_default(*byte).to_string()).collect();
-    let hint = OTHERS.iter().find(|(bytes, _)| start.starts_with(bytes));
+    let hint = OTHERS.iter().chain(&PACKED).find(|(bytes, _)| start.starts_with(bytes));
     let hint = hint.map_or(String::new(), |(_, hint)| format!("; {hint}"));
     format!("unknown format, it begins with '{text}'{hint}; read are {READ_FORMATS}")
 }

@@ -41,6 +41,8 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
         (Some(Command::Convert(arguments)), _) => convert(arguments),
         (Some(Command::Sourcetable(arguments)), _) => {
             let caster: Caster = arguments.caster.parse()?;
+            let trust = arguments::trust(arguments.caster_ca.as_deref(), caster.trust().is_some())?;
+            let caster = caster.trusting(&trust);
             print(&ntrip::sourcetable(&caster, &Stop::default())?.to_string())
         }
         (None, Some(publish)) => start(publish.config(products, &masks, &log)?),

@@ -144,8 +144,9 @@ pub struct OwnNavigation {
     known: BTreeSet<MessageKey>,
 }
 
-/// What tells a message from others: satellite, kind, reference times of orbit and clock, issue of data, health.
-type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, u64);
+/// What tells a message from others: satellite, kind, reference times of orbit and clock, issue of data, health and group delays (Galileo
+/// changes the latter without a new issue of data).
+type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, [u64; 3]);
 
 impl OwnNavigation {
     /// Takes a record's ephemeris; gives back the epoch of any other record.
@@ -160,14 +161,16 @@ impl OwnNavigation {
 
     fn add_kepler(&mut self, e: KeplerEphemeris) {
         let kind = e.message as u8;
-        if self.known.insert((e.satellite, kind, e.toe, e.toc, e.issue_of_data, e.health.to_bits())) {
+        let (first, second) = e.group_delays_s;
+        let state = [e.health, first, second].map(f64::to_bits);
+        if self.known.insert((e.satellite, kind, e.toe, e.toc, e.issue_of_data, state)) {
             self.file.ephemerides.push(e);
         }
     }
 
     fn add_glonass(&mut self, e: GlonassEphemeris) {
         let health = u64::from(e.health.unwrap_or_default());
-        if self.known.insert((e.satellite, 0, e.toe, e.toe, 0, health)) {
+        if self.known.insert((e.satellite, 0, e.toe, e.toe, 0, [health, 0, 0])) {
             self.file.glonass.push(e);
         }
     }
@@ -233,5 +236,36 @@ pub(crate) fn note_shortcomings(time_gps: GpsTime, is_first: bool, products: &Pr
         skips.add("group delays more than a week from the observations, used all the same", || {
             format!("{:.1} days at {time_gps}", age_s / 86_400.0)
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cofix_common::rinex::NavigationFile;
+
+    const GALILEO: &str = "     3.05           N: GNSS NAV DATA    E: GALILEO          RINEX VERSION / TYPE
+                                                            END OF HEADER
+E12 2024 06 24 08 20 00-1.095227780752E-03-1.594457899046E-11 0.000000000000E+00
+     6.700000000000E+01 1.359062500000E+02 2.740828452221E-09 1.818462909708E+00
+     6.115064024925E-06 4.236079985276E-04 7.338821887970E-07 5.440608266830E+03
+     1.164000000000E+05-3.539025783539E-08 1.566556240144E+00 5.587935447693E-09
+     9.967372953892E-01 3.393125000000E+02 8.146038365252E-01-5.710952169795E-09
+     8.214627886510E-11 5.170000000000E+02 2.320000000000E+03
+     3.120000000000E+00 0.000000000000E+00-8.614733815193E-09-8.847564458847E-09
+     1.170650000000E+05
+";
+
+    /// Of a recorded day: new group delays in a message that is otherwise the one before.
+    #[test]
+    fn messages_are_kept_once_but_new_group_delays_are_news() {
+        let file = |text: &str| NavigationFile::parse(text.as_bytes()).unwrap();
+        let delays = "-8.614733815193E-09-8.847564458847E-09";
+        let mut own = OwnNavigation::default();
+        own.add_file(file(GALILEO));
+        own.add_file(file(GALILEO));
+        assert_eq!(own.file.ephemerides.len(), 1);
+        own.add_file(file(&GALILEO.replace(delays, "-9.546056389809E-09-9.546056389809E-09")));
+        assert_eq!(own.file.ephemerides.len(), 2);
     }
 }

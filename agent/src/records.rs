@@ -27,6 +27,10 @@ pub struct Records {
     decoder: StreamDecoder,
     buffer: Vec<u8>,
     ended: bool,
+    /// Whether the next bytes are of another file than those before.
+    is_anew: bool,
+    /// An instant near the stream's beginning.
+    near: GpsTime,
     last: Option<GpsTime>,
     /// Whether nobody said when the stream was recorded.
     date_is_guessed: bool,
@@ -42,6 +46,8 @@ impl Records {
             decoder: StreamDecoder::new(near),
             buffer: Vec::new(),
             ended: false,
+            is_anew: false,
+            near,
             last: None,
             date_is_guessed: false,
             skips: Skips::default(),
@@ -79,13 +85,21 @@ impl Records {
     }
 
     fn advance(&mut self, stop: &Stop) -> Result<(), RecordsError> {
+        if std::mem::take(&mut self.is_anew) {
+            self.skips.merge(self.decoder.skips());
+            self.decoder = self.decoder.renewed(self.last.unwrap_or(self.near));
+        }
         match self.bytes.next(&mut self.buffer, stop)? {
             Portion::Bytes => self.decoder.feed(&self.buffer)?,
             Portion::Broken => {
-                self.skips.add("connection lost and opened again, or file written anew", || {
-                    self.last.map_or("before the first epoch".to_owned(), |time| format!("after {time}"))
-                });
+                self.count_break();
                 self.decoder.interrupt()?;
+            }
+            Portion::Anew => {
+                self.count_break();
+                // What it was does not matter any more.
+                let _ = self.decoder.finish();
+                self.is_anew = true;
             }
             Portion::End => self.end(stop)?,
             Portion::Lost => {
@@ -95,6 +109,12 @@ impl Records {
             }
         }
         Ok(())
+    }
+
+    fn count_break(&mut self) {
+        self.skips.add("connection lost and opened again, or file written anew", || {
+            self.last.map_or("before the first epoch".to_owned(), |time| format!("after {time}"))
+        });
     }
 
     /// A stream that was cut off by a request to stop may not have been recognised yet: that is no error.

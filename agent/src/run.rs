@@ -196,7 +196,8 @@ impl Work<'_> {
                 self.learn(own, opened);
             }
             let Some(epoch) = epoch else { continue };
-            if pace.wait(epoch.time_gps, self.stop) {
+            // Of a live source everything is published that has come until the request to stop.
+            if pace.wait(epoch.time_gps, self.stop) && !is_live {
                 break;
             }
             self.hear(epoch.time_gps)?;

@@ -4,6 +4,7 @@
 //! navigation messages it carries), then epoch by epoch. So it need not fit into memory, and **its own navigation messages
 //! serve the epochs before them too**, as those of a navigation file do. From a live source a message serves from its arrival on.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::slice;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -38,7 +39,7 @@ pub enum SourceError {
         cause: std::io::Error,
     },
     /// A live source fails.
-    #[error("{name}: no observations: {cause}")]
+    #[error("no observations: {}", once_named(name, cause))]
     Live {
         /// The source.
         name: String,
@@ -144,6 +145,12 @@ impl<'a> Opened<'a> {
 /// What went wrong with a recorded file.
 pub(crate) fn file_error(path: &Path, error: RecordsError) -> SourceError {
     source_error(&path.display().to_string(), Some(path), error)
+}
+
+/// A source's name and what went wrong, the name once.
+pub(crate) fn once_named(name: &str, error: &impl Display) -> String {
+    let error = error.to_string();
+    if error.starts_with(name) { error } else { format!("{name}: {error}") }
 }
 
 fn source_error(name: &str, path: Option<&Path>, error: RecordsError) -> SourceError {

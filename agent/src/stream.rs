@@ -16,6 +16,8 @@ use crate::phone::PhoneTally;
 
 /// A stream is recognised within this many bytes.
 pub const BYTES_TO_RECOGNISE: usize = 65_536;
+/// Interrupted so often before it was recognised, a stream will never be.
+const STARTS_TO_RECOGNISE: u32 = 12;
 
 /// Decodes a stream of any format that is read.
 #[derive(Clone, Debug)]
@@ -31,6 +33,8 @@ enum Kind {
     Open {
         start: Vec<u8>,
         probe: Box<RtcmDecoder>,
+        /// How often it was interrupted after some bytes.
+        false_starts: u32,
     },
     Rinex(Format, Box<ObservationDecoder>),
     GnssLogger(Box<GnssLoggerDecoder>),
@@ -46,7 +50,7 @@ impl StreamDecoder {
         let leap_seconds = u8::try_from(leap_seconds_at(near)).unwrap_or(0);
         let probe = Box::new(RtcmDecoder::new(RtcmOptions { near, leap_seconds }));
         Self {
-            kind: Kind::Open { start: Vec::new(), probe },
+            kind: Kind::Open { start: Vec::new(), probe, false_starts: 0 },
             log: gnsslogger::Options::default(),
             phone: PhoneTally::default(),
         }
@@ -56,6 +60,12 @@ impl StreamDecoder {
     #[must_use]
     pub fn with_log_options(self, log: gnsslogger::Options) -> Self {
         Self { log, ..self }
+    }
+
+    /// A decoder for another stream that is read in the same way.
+    #[must_use]
+    pub fn renewed(&self, near: GpsTime) -> Self {
+        Self::new(near).with_log_options(self.log.clone())
     }
 
     /// The format, once it is recognised.
@@ -132,10 +142,14 @@ impl StreamDecoder {
     /// other; frames of RTCM 3 find their own beginning.
     ///
     /// # Errors
-    /// As [`Decoder::feed`].
+    /// As [`Decoder::feed`], and when the stream was interrupted a dozen times before it could be recognised.
     pub fn interrupt(&mut self) -> Result<(), WrongStream> {
         match &mut self.kind {
-            Kind::Open { start, .. } => {
+            Kind::Open { start, false_starts, .. } => {
+                *false_starts += u32::from(!start.is_empty());
+                if *false_starts >= STARTS_TO_RECOGNISE && !start.is_empty() {
+                    return Err(WrongStream { reason: format::unknown(start) });
+                }
                 start.clear();
                 Ok(())
             }
@@ -163,7 +177,7 @@ impl StreamDecoder {
 
     /// Recognises the stream, if it can be recognised, and hands over what came so far.
     fn recognise(&mut self, bytes: &[u8], ended: bool) -> Result<(), WrongStream> {
-        let Kind::Open { start, probe } = &mut self.kind else { return Ok(()) };
+        let Kind::Open { start, probe, .. } = &mut self.kind else { return Ok(()) };
         start.extend_from_slice(bytes);
         // Its own verdict comes later than ours; what it skipped counts only if it is the one.
         let _ = probe.feed(bytes);
@@ -175,7 +189,9 @@ impl StreamDecoder {
                 Kind::ChallengeTable(Box::new(DerivedDecoder::new(self.log.masks.clone())))
             }
             Some(Format::Rtcm3) | None if probe.frames() > 0 => Kind::Rtcm3(probe.clone()),
-            Some(Format::Rtcm3) | None if ended || start.len() >= BYTES_TO_RECOGNISE => {
+            Some(Format::Rtcm3) | None
+                if ended || start.len() >= BYTES_TO_RECOGNISE || format::is_packed(start) =>
+            {
                 return Err(WrongStream { reason: format::unknown(start) });
             }
             Some(Format::Rtcm3) | None => return Ok(()),

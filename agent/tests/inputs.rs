@@ -107,6 +107,64 @@ fn a_file_written_anew_is_read_from_its_beginning() {
     assert_eq!(records.skips().count("connection lost and opened again, or file written anew"), 1);
 }
 
+/// As `rsync` and `adb pull` do: a new file of the same beginning takes the old one's name.
+#[test]
+fn a_file_replaced_by_a_longer_one_of_the_same_beginning_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, other) = (folder.path().join("log.rnx"), folder.path().join("new"));
+    std::fs::write(&path, "").unwrap();
+    let mut records = records(Followed::open(&path).unwrap());
+    let stop = Stop::default();
+    for (done, end) in [(0, 5), (5, 6), (6, 19)] {
+        // And half a line.
+        std::fs::write(&other, file(0..end) + "> 2020 08 13 14").unwrap();
+        std::fs::rename(&other, &path).unwrap();
+        for second in done..end {
+            assert_eq!(next(&mut records, &stop).unwrap().time_gps, time(second));
+        }
+    }
+    assert!(records.skips().is_empty(), "{}", records.skips());
+}
+
+/// Not shorter, but another one: by name, after it was removed, and in place.
+#[test]
+fn a_file_replaced_by_another_one_is_read_from_its_beginning() {
+    let replace: [fn(&Path, &str); 3] = [
+        |path, text| {
+            let other = path.with_extension("new");
+            std::fs::write(&other, text).unwrap();
+            std::fs::rename(&other, path).unwrap();
+        },
+        |path, text| {
+            std::fs::remove_file(path).unwrap();
+            std::thread::sleep(Duration::from_millis(150));
+            std::fs::write(path, text).unwrap();
+        },
+        |path, text| std::fs::write(path, text).unwrap(),
+    ];
+    for replace in replace {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.rnx");
+        std::fs::write(&path, file(0..5)).unwrap();
+        let mut records = records(Followed::open(&path).unwrap());
+        let stop = Stop::default();
+        for second in 0..5 {
+            assert_eq!(next(&mut records, &stop).unwrap().time_gps, time(second));
+        }
+        // The columns in another order.
+        let text = file(5..30).replace("C1C L1C D1C S1C", "C1C L1C S1C D1C");
+        replace(&path, &text.replace("     -1200.000 8        45.000 8", "        45.000 8     -1200.000 8"));
+        for second in 5..30 {
+            let epoch = next(&mut records, &stop).unwrap();
+            assert_eq!(epoch.time_gps, time(second));
+            assert_eq!(epoch.observations[0].cn0_dbhz, Some(45.0));
+        }
+        let skips = records.skips();
+        assert_eq!(skips.count("connection lost and opened again, or file written anew"), 1, "{skips}");
+        assert_eq!(skips.total(), 1, "{skips}");
+    }
+}
+
 #[test]
 fn a_pipe_ends_with_its_writer() {
     let mut records = records(Piped::start(Cursor::new(file(0..5).into_bytes())).unwrap());
@@ -164,6 +222,16 @@ fn a_lost_connection_is_opened_again() {
     assert_eq!(skips.count("source ended before its end"), 1, "the server is gone for good: {skips}");
 }
 
+/// Some other service's greeting, over and over: not asked for ever.
+#[test]
+fn a_server_that_never_says_anything_useful_is_given_up() {
+    let (address, serving) = server(vec![b"hello, this is telnet\r\n".to_vec(); 13]);
+    let mut records = records(Connected::new(&address, quick(1_000)));
+    let error = records.next(&Stop::default()).unwrap_err().to_string();
+    assert!(error.contains("begins with 'hello, this is telnet"), "{error}");
+    serving.join().unwrap();
+}
+
 #[test]
 fn a_server_that_was_never_there_is_an_error_that_names_it() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -194,6 +262,17 @@ fn frame() -> Vec<u8> {
     recordings::frame(&[0x40, 0x00])
 }
 
+/// Nobody waits for what cannot become readable.
+#[test]
+fn a_growing_file_that_is_packed_is_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.txt.gz");
+    std::fs::write(&path, [0x1f, 0x8b, 8, 0, 1, 2, 3]).unwrap();
+    let mut records = records(Followed::open(&path).unwrap());
+    let error = records.next(&Stop::default()).unwrap_err().to_string();
+    assert!(error.contains("zcat FILE | cofix-agent --observations -"), "{error}");
+}
+
 #[test]
 fn rtcm_is_recognised_behind_noise() {
     let mut bytes = b"\xd3\x00noise\r\n".repeat(9);
@@ -212,6 +291,7 @@ fn what_is_unknown_is_named_and_shown() {
         (b"$GPGGA,1,2\r\n".to_vec(), "NMEA"),
         (vec![b'x'; 100_000], "begins with 'xxxx"),
         (Vec::new(), "it is empty"),
+        (vec![0x1f, 0x8b, 8, 0], "packed data"),
     ] {
         let mut records = records(Piped::start(Cursor::new(bytes)).unwrap());
         let error = records.next(&Stop::default()).unwrap_err().to_string();

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
 mod hub_support;
+mod recordings;
 
 use std::io::Write;
 use std::net::TcpListener;
@@ -69,6 +70,24 @@ fn a_growing_file_is_published_as_it_grows_until_a_stop() {
     let report = agent.join().unwrap().unwrap();
     assert!(report.stopped);
     check(&hub, &report, 4);
+}
+
+/// The last epoch of a log is complete when another one begins, or with the end.
+#[test]
+fn a_request_to_stop_leaves_no_epoch_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.txt");
+    std::fs::write(&path, recordings::log(5).bytes()).unwrap();
+    let hub = Hub::listen();
+    let config = config(&hub, LiveSource::Follow(path));
+    let asked = Stop::default();
+    let stop = asked.clone();
+    let agent = std::thread::spawn(move || run(&config, &stop));
+    receive(&hub, 0..4);
+    asked.request();
+    let report = agent.join().unwrap().unwrap();
+    receive(&hub, 4..5);
+    check(&hub, &report, 5);
 }
 
 #[test]

@@ -2,106 +2,16 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
+mod caster;
 mod recordings;
 
 use std::io::{Read, Write};
-use std::net::{TcpListener, TcpStream};
-use std::thread::JoinHandle;
-use std::time::Duration;
+use std::net::TcpListener;
 
+use caster::{CHUNKED, NOT_READ, TestCaster, chunked, exhaust, frame, frames, head, in_portions, read_head};
 use cofix_agent::Stop;
-use cofix_agent::input::ntrip::{Caster, Client, Mount, RoverPosition, sourcetable};
-use cofix_agent::input::{Backoff, Connected};
-use cofix_agent::records::{Records, RecordsError};
+use cofix_agent::input::ntrip::{Caster, RoverPosition, sourcetable};
 use cofix_common::frames::Geodetic;
-
-/// A caster that gives each connection one script and closes it; it hands back the requests that it got.
-struct TestCaster {
-    address: String,
-    thread: JoinHandle<Vec<String>>,
-}
-
-impl TestCaster {
-    /// Each script is sent in the given portions.
-    fn start(scripts: Vec<Vec<Vec<u8>>>) -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = listener.local_addr().unwrap().to_string();
-        let thread = std::thread::spawn(move || {
-            let serve = |script: Vec<Vec<u8>>| {
-                let (mut connection, _) = listener.accept().unwrap();
-                connection.set_nodelay(true).unwrap();
-                let request = read_head(&mut connection);
-                for portion in script {
-                    connection.write_all(&portion).unwrap();
-                }
-                request
-            };
-            scripts.into_iter().map(serve).collect()
-        });
-        Self { address, thread }
-    }
-
-    fn mount(&self) -> Mount {
-        format!("ntrip://me:se%3Acret@{}/BASE", self.address).parse().unwrap()
-    }
-
-    fn records(&self, rover: &RoverPosition, attempts: u32) -> Records {
-        let millisecond = Duration::from_millis(1);
-        let silence = Duration::from_hours(1);
-        let backoff = Backoff { first: millisecond, longest: millisecond, attempts, silence };
-        let client = Client::new(self.mount(), rover.clone());
-        let bytes = Connected::by(Box::new(client), backoff);
-        Records::new(Box::new(bytes), "2024-06-24T08:20:00".parse().unwrap())
-    }
-
-    fn requests(self) -> Vec<String> {
-        self.thread.join().unwrap()
-    }
-}
-
-fn read_head(connection: &mut TcpStream) -> String {
-    let mut head = Vec::new();
-    while !head.ends_with(b"\r\n\r\n") {
-        let mut byte = [0];
-        connection.read_exact(&mut byte).unwrap();
-        head.push(byte[0]);
-    }
-    String::from_utf8(head).unwrap()
-}
-
-/// A frame of an RTCM 3 message that is not read, by its number.
-fn frame(number: u16) -> Vec<u8> {
-    recordings::frame(&(number << 4).to_be_bytes())
-}
-
-/// Messages 1024 so many times.
-fn frames(count: usize) -> Vec<u8> {
-    frame(1024).repeat(count)
-}
-
-const NOT_READ: &str = "message 1024 is not read";
-
-fn chunked(body: &[u8], size: usize) -> Vec<u8> {
-    let chunk = |data: &[u8]| [format!("{:x}\r\n", data.len()).as_bytes(), data, b"\r\n"].concat();
-    [body.chunks(size).flat_map(chunk).collect(), b"0\r\n\r\n".to_vec()].concat()
-}
-
-fn in_portions(bytes: &[u8], size: usize) -> Vec<Vec<u8>> {
-    bytes.chunks(size).map(<[u8]>::to_vec).collect()
-}
-
-/// Reads to the end; there are no epochs.
-fn exhaust(records: &mut Records) -> Result<(), RecordsError> {
-    while records.next(&Stop::default())?.is_some() {}
-    Ok(())
-}
-
-fn head(text: &str) -> Vec<u8> {
-    format!("{text}\r\n\r\n").into_bytes()
-}
-
-const CHUNKED: &str =
-    "HTTP/1.1 200 OK\r\nNtrip-Version: Ntrip/2.0\r\nContent-Type: gnss/data\r\nTransfer-Encoding: chunked";
 
 #[test]
 fn a_caster_of_the_second_revision_is_asked_and_its_chunks_joined() {
@@ -156,6 +66,7 @@ fn a_caster_that_does_not_understand_is_asked_as_the_first_revision_has_it() {
 fn refusals_say_what_to_do_and_are_final() {
     for (reply, said) in [
         ("HTTP/1.1 401 Unauthorized\r\n\r\n", "refuses user 'me' (401 Unauthorized)"),
+        ("HTTP/1.0 401 Unauthorized\r\n", "refuses user 'me' (401 Unauthorized)"),
         ("ERROR - Bad Password\r\n", "refuses user 'me' (ERROR - Bad Password)"),
         (
             "HTTP/1.1 404 Not Found\r\n\r\n",
@@ -166,6 +77,7 @@ fn refusals_say_what_to_do_and_are_final() {
             "no mount point 'BASE' now",
         ),
         ("HTTP/1.1 200 OK\r\nContent-Type: gnss/sourcetable\r\n\r\n", "no mount point 'BASE' now"),
+        ("HTTP/1.1 200 OK\r\nContent-Type: text/html\r\n\r\n<html>", "a web page is answered"),
     ] {
         let caster = TestCaster::start(vec![vec![reply.as_bytes().to_vec()]]);
         // A second attempt would wait for a caster that is gone for ever.
@@ -257,6 +169,12 @@ fn sourcetables_of_both_revisions_are_read() {
         assert_eq!(table.streams[0].mount, "BASE");
         assert!(caster.requests()[0].starts_with("GET / HTTP/1.1\r\n"));
     }
+    let page = "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\n\r\n<html>It works!\r\n";
+    let caster = TestCaster::start(vec![vec![page.as_bytes().to_vec()]]);
+    let address: Caster = format!("ntrip://{}", caster.address).parse().unwrap();
+    let error = sourcetable(&address, &Stop::default()).unwrap_err().to_string();
+    assert!(error.contains("no sourcetable") && error.contains("'<html>It works!'"), "{error}");
+    caster.requests();
     let caster = TestCaster::start(vec![vec![head("HTTP/1.1 401 Unauthorized")]]);
     let address: Caster = format!("ntrip://{}", caster.address).parse().unwrap();
     let error = sourcetable(&address, &Stop::default()).unwrap_err().to_string();

@@ -151,6 +151,7 @@ fn kepler(constellation: Constellation, number: u8) -> KeplerEphemeris {
         accuracy_m: 2.0,
         health: 0.0,
         issue_of_data: 1,
+        issue_of_clock: 1,
     }
 }
 

@@ -68,6 +68,7 @@ fn gps_as_broadcast() {
     let e = lnav("G04", &PRN4[..3], ReceiverCheck::Unknown, now).unwrap().unwrap();
     assert_eq!(e.toe.to_string(), "2015-11-01T02:00:00.000");
     assert_eq!((e.toc, e.toe_own_tow_s, e.issue_of_data, e.health), (e.toe, 7_200.0, 74, 0.0));
+    assert_eq!(e.issue_of_clock, 74);
     // A Block IIF satellite: 26,560 km, 54°, node moving west by 0.04° a day.
     assert!(near(e.sqrt_a, 5_153.64, 1e-5) && near(e.eccentricity, 0.012_018, 1e-4));
     assert!(near(e.i0_rad.to_degrees(), 53.885, 1e-4) && near(e.omega_dot_radps, -8.277e-9, 1e-3));
@@ -231,6 +232,7 @@ fn broadcast_files_come_back_from_their_subframes() {
                 (e.accuracy_m, v[23]),
                 (e.health, v[24]),
                 (e.group_delays_s.0, v[25]),
+                (f64::from(e.issue_of_clock), v[26]),
             ];
             for (index, (value, printed)) in pairs.into_iter().enumerate() {
                 // Twelve digits of which the first is not zero: one unit of the last is at most 1e-11.

@@ -223,6 +223,7 @@ fn vectors_come_back_from_their_subframes() {
         let e = read(expected.satellite, &subframes, ReceiverCheck::Unknown, sent).unwrap().unwrap();
         assert_eq!((e.toe, e.toc, e.toe_own_tow_s), (expected.toe, expected.toc, expected.toe_own_tow_s));
         assert_eq!((e.issue_of_data, e.health), (expected.issue_of_data, expected.health));
+        assert_eq!(e.issue_of_clock, expected.issue_of_clock);
         for (value, printed) in
             [(e.group_delays_s.0, expected.group_delays_s.0), (e.group_delays_s.1, expected.group_delays_s.1)]
         {
@@ -252,6 +253,7 @@ fn a_broadcast_file_comes_back_from_its_subframes() {
         let e = read(expected.satellite, &subframes, ReceiverCheck::Unknown, sent).unwrap().unwrap();
         assert_eq!((e.toe, e.toc, e.health), (expected.toe, expected.toc, expected.health));
         assert_eq!((e.accuracy_m, e.issue_of_data), (expected.accuracy_m, expected.issue_of_data));
+        assert_eq!(e.issue_of_clock, expected.issue_of_clock);
         for elapsed_s in [-3_600.0, 0.0, 3_600.0] {
             let (a, b) = (e.state(e.toe + elapsed_s), expected.state(e.toe + elapsed_s));
             worst_m = worst_m.max(a.position.distance_m(b.position));

@@ -41,6 +41,7 @@ fn satellite(sqrt_a: f64, eccentricity: f64, i0_rad: f64, m0_rad: f64) -> Kepler
         accuracy_m: 2.0,
         health: 0.0,
         issue_of_data: 1,
+        issue_of_clock: 1,
     }
 }
 

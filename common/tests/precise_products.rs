@@ -57,6 +57,7 @@ fn ephemeris(number: u8) -> KeplerEphemeris {
         accuracy_m: 2.0,
         health: 0.0,
         issue_of_data: 1,
+        issue_of_clock: 1,
     }
 }
 

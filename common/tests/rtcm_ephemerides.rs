@@ -55,8 +55,8 @@ fn gps_and_qzss_ephemerides() {
     let gps = ephemeris(&Message::Msg1019(lnav()));
     check_orbit(&gps);
     assert_eq!(
-        (gps.satellite.to_string(), gps.message, gps.issue_of_data),
-        ("G07".into(), NavigationMessage::Lnav, 58)
+        (gps.satellite.to_string(), gps.message, gps.issue_of_data, gps.issue_of_clock),
+        ("G07".into(), NavigationMessage::Lnav, 58, 0x23a)
     );
     assert_eq!(gps.toe, GpsTime::from_week_tow(2118, 396_000.0));
     assert_eq!((gps.toc, gps.toe_own_tow_s, gps.accuracy_m), (gps.toe, 396_000.0, 4.0));
@@ -71,6 +71,7 @@ fn gps_and_qzss_ephemerides() {
         af1_s_s: g.af1_s_s,
         af0_s: g.af0_s,
         iode: 58,
+        iodc: g.iodc,
         crs_m: g.crs_m,
         delta_n_sc_s: g.delta_n_sc_s,
         m0_sc: g.m0_sc,
@@ -192,6 +193,7 @@ fn beidou_ephemerides() {
         ura_index: 0,
         idot_sc_s: g.idot_sc_s,
         aode: 3,
+        aodc: 17,
         toc_s: 396_000.0,
         a1_s_s: g.af1_s_s.into(),
         a0_s: g.af0_s,
@@ -216,8 +218,8 @@ fn beidou_ephemerides() {
     }));
     check_orbit(&beidou);
     assert_eq!(
-        (beidou.message, beidou.issue_of_data, beidou.accuracy_m),
-        (NavigationMessage::BeidouD1D2, 3, 2.0)
+        (beidou.message, beidou.issue_of_data, beidou.issue_of_clock, beidou.accuracy_m),
+        (NavigationMessage::BeidouD1D2, 3, 17, 2.0)
     );
     assert_eq!(beidou.toe, GpsTime::from_beidou_week_tow(762, 396_000.0));
     assert_eq!((beidou.toc, beidou.toe_own_tow_s), (beidou.toe, 396_000.0));

@@ -14,6 +14,7 @@ use crate::Stop;
 use crate::input::LiveSource;
 use crate::input::ntrip::RoverPosition;
 use crate::records::{Records, RecordsError};
+use crate::source::once_named;
 
 /// Records that wait for the rover's next epoch at most; epochs at 1 Hz for a quarter of an hour.
 const MOST_WAITING: usize = 1_000;
@@ -92,7 +93,7 @@ pub(super) fn start(
     std::thread::Builder::new().name("corrections".to_owned()).spawn(move || {
         let mut skips = Skips::default();
         if let Err(error) = pump(&source, &rover, &inbox, &stop, near, &mut skips) {
-            let said = said(&source, &error);
+            let said = once_named(&source.to_string(), &error);
             tracing::error!("no corrections: {said}");
             skips.add("source failed", || said);
         }
@@ -121,12 +122,6 @@ fn pump(
     };
     *skips = records.skips();
     outcome
-}
-
-/// The source's name and what went wrong, the name once.
-fn said(source: &LiveSource, error: &RecordsError) -> String {
-    let (name, error) = (source.to_string(), error.to_string());
-    if error.starts_with(&name) { error } else { format!("{name}: {error}") }
 }
 
 #[cfg(test)]

@@ -36,7 +36,7 @@ impl From<io::Error> for DialError {
 }
 
 /// How a lost connection is tried again: after `first`, then after twice as long each time, but never longer than
-/// `longest`, until `attempts` in a row brought no byte.
+/// `longest`, until `attempts` in a row brought no byte. A connection that lasts longer than the wait before it begins anew with `first`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backoff {
     /// The first wait.
@@ -80,6 +80,12 @@ pub struct Connected {
     stream: Option<Box<dyn Read>>,
     /// Attempts since the last byte, the one that brought it included.
     attempts: u32,
+    /// The last wait.
+    waited: Duration,
+    /// When the present connection was made.
+    since: Instant,
+    /// Connections in a row that brought bytes but did not last as long as the wait before them.
+    short_lived: u32,
     /// Since when nothing came.
     silent_since: Instant,
     /// Whether bytes came before the connection was lost.
@@ -102,6 +108,9 @@ impl Connected {
             backoff,
             stream: None,
             attempts: 0,
+            waited: Duration::ZERO,
+            since: Instant::now(),
+            short_lived: 0,
             silent_since: Instant::now(),
             interrupted: false,
             has_served: false,
@@ -109,9 +118,15 @@ impl Connected {
         }
     }
 
+    /// The wait that is due before the next attempt.
+    fn wait_due(&self) -> Duration {
+        let number = if self.attempts == 0 { 0 } else { self.attempts.max(self.short_lived + 1) };
+        self.backoff.wait(number)
+    }
+
     /// Tries once to connect, after the wait that is due.
     fn connect(&mut self, stop: &Stop) {
-        let wait = self.backoff.wait(self.attempts);
+        let wait = self.wait_due();
         self.attempts += 1;
         if stop.is_requested() || !wait.is_zero() && stop.sleep(wait) {
             return;
@@ -120,7 +135,9 @@ impl Connected {
             Ok(stream) => {
                 tracing::info!("connected to {}", self.dial.name());
                 self.stream = Some(stream);
-                self.silent_since = Instant::now();
+                self.waited = wait;
+                self.since = Instant::now();
+                self.silent_since = self.since;
             }
             Err(_) if stop.is_requested() => {}
             Err(DialError::Refused(reason)) if !self.has_served => {
@@ -133,10 +150,12 @@ impl Connected {
 
     /// Notes that the connection is not there, and says when it is tried again.
     fn failed(&mut self, reason: &str) {
-        self.stream = None;
+        if self.stream.take().is_some() {
+            self.short_lived = if self.since.elapsed() > self.waited { 0 } else { self.short_lived + 1 };
+        }
         let (name, attempts) = (self.dial.name(), self.attempts);
         if attempts < self.backoff.attempts {
-            let wait_s = self.backoff.wait(attempts).as_secs_f64();
+            let wait_s = self.wait_due().as_secs_f64();
             tracing::warn!("{name}: {reason}; trying again in {wait_s} s");
         }
         self.last_words = Some(format!("{name}: {reason}; {attempts} attempts in a row brought no byte"));
@@ -211,5 +230,35 @@ mod tests {
         let waits: Vec<_> = (0..9).map(|number| backoff.wait(number).as_secs_f64()).collect();
         assert_eq!(waits, [0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0]);
         assert_eq!(backoff.wait(u32::MAX), backoff.longest);
+    }
+
+    /// Greets and closes.
+    struct Greeter;
+
+    impl Dial for Greeter {
+        fn name(&self) -> String {
+            "greeter".to_owned()
+        }
+
+        fn dial(&mut self, _: &Stop) -> Result<Box<dyn Read>, DialError> {
+            Ok(Box::new(&b"hello"[..]))
+        }
+    }
+
+    #[test]
+    fn a_server_that_greets_and_closes_is_asked_ever_more_seldom() {
+        let first = Duration::from_millis(10);
+        let backoff = Backoff { first, ..Backoff::default() };
+        let mut connected = Connected::by(Box::new(Greeter), backoff);
+        let (began, mut buffer, mut greetings) = (Instant::now(), Vec::new(), 0);
+        while greetings < 5 {
+            greetings += u32::from(connected.next(&mut buffer, &Stop::default()).unwrap() == Portion::Bytes);
+        }
+        assert!(began.elapsed() >= first * (1 + 2 + 4 + 8), "{:?}", began.elapsed());
+        assert_eq!(connected.wait_due(), first * 8);
+        // One that has lasted begins anew.
+        connected.since = began.checked_sub(first * 100).unwrap();
+        connected.failed("closed");
+        assert_eq!(connected.wait_due(), first);
     }
 }

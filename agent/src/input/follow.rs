@@ -7,12 +7,30 @@ use std::path::{Path, PathBuf};
 use super::{Bytes, LOOK, PORTION_BYTES, Portion};
 use crate::Stop;
 
-/// A growing file, from its beginning on, until a stop is requested. One that becomes shorter was written anew and is read
-/// from its new beginning.
+/// So many of the bytes that were read last tell whether a file goes on or is another one.
+const REMEMBERED_BYTES: usize = 256;
+
+/// A growing file, from its beginning on, until a stop is requested.
+///
+/// Whoever writes it may as well replace it by a longer one of the same beginning (as `rsync` and `adb pull` do): reading goes on where it
+/// was. One that becomes shorter, or has other bytes where reading was, was written anew and is read from its new beginning.
 pub struct Followed {
     path: PathBuf,
     file: File,
     at: u64,
+    /// The last bytes before `at`.
+    last: Vec<u8>,
+    /// Neither a pipe nor a device, which go on whatever happens.
+    is_file: bool,
+}
+
+/// What a look at a file shows.
+enum Look {
+    /// It has grown.
+    More,
+    Nothing,
+    /// Not the file that it was.
+    Other,
 }
 
 impl Followed {
@@ -21,45 +39,86 @@ impl Followed {
     /// # Errors
     /// When it cannot be opened.
     pub fn open(path: &Path) -> io::Result<Self> {
-        Ok(Self { path: path.to_owned(), file: File::open(path)?, at: 0 })
+        let file = File::open(path)?;
+        let is_file = file.metadata()?.is_file();
+        Ok(Self { path: path.to_owned(), file, at: 0, last: Vec::new(), is_file })
     }
 
-    /// Whether the file is shorter than what was read of it; if so, goes back to its beginning. A file that was replaced by
-    /// another of the same name is opened anew.
-    fn was_rewritten(&mut self) -> io::Result<bool> {
-        // Between removing and writing anew there may be no file for a moment.
-        let Ok(named) = std::fs::metadata(&self.path) else { return Ok(false) };
-        if named.len() >= self.at {
-            return Ok(false);
+    /// Reads what follows what was read, and checks that this is still there.
+    fn look(&mut self, buffer: &mut Vec<u8>) -> io::Result<Look> {
+        let known = self.last.len();
+        buffer.resize(known + PORTION_BYTES, 0);
+        self.file.seek(SeekFrom::Start(self.at - known as u64))?;
+        let mut count = 0;
+        loop {
+            match self.file.read(buffer.get_mut(count..).unwrap_or_default()) {
+                Ok(0) => break,
+                Ok(more) => count += more,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
         }
-        self.file = File::open(&self.path)?;
-        self.at = self.file.seek(SeekFrom::Start(0))?;
-        Ok(true)
+        buffer.truncate(count);
+        if !buffer.starts_with(&self.last) {
+            return Ok(Look::Other);
+        }
+        buffer.drain(..known);
+        Ok(if buffer.is_empty() { Look::Nothing } else { Look::More })
+    }
+
+    /// The same without a check, and without going anywhere in it.
+    fn look_at_device(&mut self, buffer: &mut Vec<u8>) -> io::Result<Look> {
+        buffer.resize(PORTION_BYTES, 0);
+        match self.file.read(buffer) {
+            Ok(0) => Ok(Look::Nothing),
+            Ok(count) => {
+                buffer.truncate(count);
+                Ok(Look::More)
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => Ok(Look::Nothing),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Opens what has the name now. Between removing and writing anew there may be nothing for a while.
+    fn open_again(&mut self) {
+        if let Ok(file) = File::open(&self.path) {
+            self.file = file;
+        }
+    }
+
+    /// Remembers what was read.
+    fn pass(&mut self, bytes: &[u8]) {
+        self.at += bytes.len() as u64;
+        self.last.extend_from_slice(bytes);
+        self.last.drain(..self.last.len().saturating_sub(REMEMBERED_BYTES));
     }
 }
 
 impl Bytes for Followed {
     fn next(&mut self, buffer: &mut Vec<u8>, stop: &Stop) -> io::Result<Portion> {
-        buffer.resize(PORTION_BYTES, 0);
         loop {
             if stop.is_requested() {
                 return Ok(Portion::End);
             }
-            match self.file.read(buffer) {
-                Ok(0) if self.was_rewritten()? => {
-                    tracing::warn!("{} became shorter; reading it from its beginning", self.path.display());
-                    return Ok(Portion::Broken);
-                }
-                Ok(0) => {
-                    stop.sleep(LOOK);
-                }
-                Ok(count) => {
-                    buffer.truncate(count);
-                    self.at += count as u64;
+            let look = if self.is_file { self.look(buffer)? } else { self.look_at_device(buffer)? };
+            match look {
+                Look::More => {
+                    self.pass(buffer);
                     return Ok(Portion::Bytes);
                 }
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
+                Look::Nothing => {
+                    stop.sleep(LOOK);
+                    if self.is_file {
+                        self.open_again();
+                    }
+                }
+                Look::Other => {
+                    self.open_again();
+                    (self.at, self.last) = (0, Vec::new());
+                    tracing::warn!("{} was written anew; reading it from its beginning", self.path.display());
+                    return Ok(Portion::Anew);
+                }
             }
         }
     }

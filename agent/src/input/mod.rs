@@ -8,6 +8,7 @@ mod follow;
 pub mod ntrip;
 mod pipe;
 mod tcp;
+mod tls;
 
 use std::fmt;
 use std::path::PathBuf;
@@ -18,6 +19,7 @@ pub use connection::{Backoff, Connected, Dial, DialError};
 pub use file::Recorded;
 pub use follow::Followed;
 pub use pipe::Piped;
+pub use tls::{Trust, TrustError};
 
 use crate::Stop;
 
@@ -31,8 +33,10 @@ const PORTION_BYTES: usize = 65_536;
 pub enum Portion {
     /// Bytes that continue the ones before; they are in the caller's buffer.
     Bytes,
-    /// What follows does not continue what came before: a connection was lost, a file was written anew.
+    /// What follows does not continue what came before: a connection was lost.
     Broken,
+    /// What follows is another file, from its beginning.
+    Anew,
     /// Nothing more comes: the end, or a request to stop.
     End,
     /// Nothing more comes although more was to come: the reason is in [`Bytes::last_words`].
@@ -68,7 +72,7 @@ pub enum LiveSource {
         /// How it is tried again.
         backoff: Backoff,
     },
-    /// `ntrip://USER:PASSWORD@HOST:PORT/MOUNT`: a stream of an NTRIP caster.
+    /// `ntrip://USER:PASSWORD@HOST:PORT/MOUNT`: a stream of an NTRIP caster; `ntrips://…` within TLS.
     Ntrip {
         /// Caster, account and mount point.
         mount: ntrip::Mount,
@@ -82,7 +86,8 @@ pub enum LiveSource {
 pub enum AddressError {
     /// Neither `-` nor a TCP server.
     #[error(
-        "'{text}' is not a source: write tcp://HOST:PORT, for example tcp://192.168.1.20:5000, or ntrip://USER:PASSWORD@HOST:PORT/MOUNT"
+        "'{text}' is not a source: write tcp://HOST:PORT, for example tcp://192.168.1.20:5000, or \
+         ntrip://USER:PASSWORD@HOST:PORT/MOUNT (ntrips:// with TLS)"
     )]
     Unknown {
         /// What was given, without a password.
@@ -96,7 +101,7 @@ pub enum AddressError {
 impl FromStr for LiveSource {
     type Err = AddressError;
 
-    /// Reads `-`, `tcp://HOST:PORT` or `ntrip://USER:PASSWORD@HOST:PORT/MOUNT`.
+    /// Reads `-`, `tcp://HOST:PORT`, `ntrip://USER:PASSWORD@HOST:PORT/MOUNT` or `ntrips://…`.
     fn from_str(text: &str) -> Result<Self, AddressError> {
         if text == "-" {
             return Ok(Self::Standard);
@@ -128,6 +133,23 @@ impl LiveSource {
     /// Whether a text names a live source, be it well written or not, and no file.
     pub fn is_named_by(text: &str) -> bool {
         text == "-" || ["tcp://", "ntrip://", "ntrips://"].iter().any(|scheme| text.starts_with(scheme))
+    }
+
+    /// Whether it is spoken to in TLS.
+    pub const fn is_secured(&self) -> bool {
+        matches!(self, Self::Ntrip { mount, .. } if mount.caster.trust().is_some())
+    }
+
+    /// The same source with others who may vouch for its caster; of effect in TLS only.
+    #[must_use]
+    pub fn trusting(self, trust: &Trust) -> Self {
+        match self {
+            Self::Ntrip { mount, backoff } => {
+                let ntrip::Mount { caster, mount } = mount;
+                Self::Ntrip { mount: ntrip::Mount { caster: caster.trusting(trust), mount }, backoff }
+            }
+            other => other,
+        }
     }
 
     /// Opens it.

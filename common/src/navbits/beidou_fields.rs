@@ -134,5 +134,6 @@ pub(super) fn ephemeris(
         accuracy_m: ura_m(unsigned(joined, 6, 4)),
         health: unsigned(joined, 0, 1) as f64,
         issue_of_data: u32::try_from(unsigned(joined, 181, 5)).unwrap_or_default(),
+        issue_of_clock: u32::try_from(unsigned(joined, 1, 5)).unwrap_or_default(),
     }
 }

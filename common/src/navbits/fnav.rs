@@ -101,6 +101,7 @@ fn ephemeris(
     [one, two, three, four]: &[Page; 4],
     now: GpsTime,
 ) -> Result<KeplerEphemeris, Refused> {
+    let issue = u32::try_from(unsigned(one, 12, 10)).unwrap_or_default();
     Ok(KeplerEphemeris {
         satellite,
         message: NavigationMessage::GalileoFnav,
@@ -123,7 +124,8 @@ fn ephemeris(
         group_delays_s: (number(one, 143, 10, -32), f64::NAN),
         accuracy_m: sisa_m(unsigned(one, 94, 8)),
         health: health(one),
-        issue_of_data: u32::try_from(unsigned(one, 12, 10)).unwrap_or_default(),
+        issue_of_data: issue,
+        issue_of_clock: issue,
     })
 }
 

@@ -99,6 +99,7 @@ fn ephemeris(
         accuracy_m: sisa_m(unsigned(three, 120, 8)),
         health: health(five),
         issue_of_data: u32::try_from(unsigned(one, 6, 10)).unwrap_or_default(),
+        issue_of_clock: u32::try_from(unsigned(one, 6, 10)).unwrap_or_default(),
     })
 }
 

@@ -178,6 +178,8 @@ fn ephemeris(
         accuracy_m: ura_m(unsigned(clock, 60, 4)),
         health: unsigned(clock, 64, 6) as f64,
         issue_of_data: u32::try_from(unsigned(second, 48, 8)).unwrap_or_default(),
+        issue_of_clock: u32::try_from(unsigned(clock, 70, 2) << 8 | unsigned(clock, 168, 8))
+            .unwrap_or_default(),
     })
 }
 

@@ -63,4 +63,6 @@ pub struct KeplerEphemeris {
     pub health: f64,
     /// Issue of data (IODE, IODnav, AODE).
     pub issue_of_data: u32,
+    /// Issue of the clock's data (IODC, AODC); of Galileo IODnav, which is of both.
+    pub issue_of_clock: u32,
 }

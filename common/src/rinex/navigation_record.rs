@@ -8,6 +8,8 @@ use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, Calendar, GpsTime, SE
 
 /// Clock reference and orbit reference are never farther apart than this, s.
 const MAX_TOE_TOC_S: f64 = 86_400.0;
+/// No issue of data has a higher number.
+const MAX_ISSUE: f64 = 65_535.0;
 /// Larger group delays (s) cannot be broadcast; files write such numbers for "missing".
 const MAX_GROUP_DELAY_S: f64 = 1e-6;
 /// Clock terms in the first line, and four numbers in each of seven more.
@@ -155,6 +157,7 @@ pub(super) fn ephemeris(record: &Record) -> Result<(GpsTime, KeplerEphemeris), F
     let toc = clock_reference(record)?;
     let toe_own_tow_s = record.between(11, "toe", 0.0, SECONDS_PER_WEEK)?;
     let toe = orbit_reference(record, toc, toe_own_tow_s)?;
+    let issue_of_data = issue_of_data(record)?;
     let ephemeris = KeplerEphemeris {
         satellite: record.satellite,
         message,
@@ -181,7 +184,8 @@ pub(super) fn ephemeris(record: &Record) -> Result<(GpsTime, KeplerEphemeris), F
         group_delays_s: group_delays(record, message),
         accuracy_m: accuracy(record),
         health: record.between(24, "health", 0.0, 65_535.0)?,
-        issue_of_data: issue_of_data(record)?,
+        issue_of_data,
+        issue_of_clock: issue_of_clock(record).unwrap_or(issue_of_data),
     };
     Ok((transmission(record, toe), ephemeris))
 }
@@ -279,7 +283,20 @@ fn accuracy(record: &Record) -> f64 {
 }
 
 fn issue_of_data(record: &Record) -> Result<u32, Fault> {
-    let issue = record.between(3, "issue of data", 0.0, 65_535.0)?;
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within 0 to 65535
-    Ok(issue as u32)
+    record.between(3, "issue of data", 0.0, MAX_ISSUE).map(whole)
+}
+
+/// IODC or AODC. It is told, not used, so that a record without it is as good.
+fn issue_of_clock(record: &Record) -> Option<u32> {
+    let index = match record.satellite.constellation {
+        Constellation::Gps | Constellation::Qzss => 26,
+        Constellation::Beidou => 28,
+        _ => return None,
+    };
+    record.value(index).filter(|issue| (0.0..=MAX_ISSUE).contains(issue)).map(whole)
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within 0 to MAX_ISSUE
+const fn whole(issue: f64) -> u32 {
+    issue as u32
 }

@@ -167,6 +167,7 @@ impl Shell {
             accuracy_m: self.accuracy_m,
             health: 0.0,
             issue_of_data: 1,
+            issue_of_clock: 1,
         }
     }
 
@@ -206,6 +207,7 @@ fn restated(message: &KeplerEphemeris, step_s: f64) -> KeplerEphemeris {
             rate_sps2,
         ),
         issue_of_data: message.issue_of_data + 1,
+        issue_of_clock: message.issue_of_clock + 1,
         ..*message
     }
 }

@@ -16,6 +16,7 @@ pub struct LnavFields {
     pub week: i64,
     /// Start of subframe 1, s of week.
     pub tow_s: f64,
+    /// IODC, of which the low eight bits are IODE.
     pub issue: i64,
     pub ura: i64,
     pub health: i64,
@@ -66,7 +67,8 @@ impl LnavFields {
             bits
         };
         let mut one = start(1);
-        one.put(self.week % 1024, 10).put(1, 2).put(self.ura, 4).put(self.health, 6).put(0, 2);
+        one.put(self.week % 1024, 10).put(1, 2).put(self.ura, 4).put(self.health, 6);
+        one.put(self.issue >> 8, 2);
         one.put(0, 24).put(0, 24).put(0, 24).put(0, 16).put(self.tgd, 8);
         one.put(self.issue, 8).put(self.toc, 16);
         one.put(self.af[2], 8).put(self.af[1], 16).put(self.af[0], 22).put(0, 2);
@@ -173,7 +175,7 @@ pub fn fields(v: &[f64]) -> Option<(LnavFields, GpsTime)> {
     let fields = LnavFields {
         week: sent.week(),
         tow_s: sent.tow_s(),
-        issue: integer(v[3], 1.0, "IODE"),
+        issue: integer(v[26], 1.0, "IODC"),
         ura: i64::try_from(ura).unwrap(),
         health: integer(v[24], 1.0, "health"),
         tgd: integer(v[25], unit(-31), "TGD"),

@@ -101,7 +101,7 @@ pub fn lnav() -> Msg1019T {
         af2_s_s2: 0.0,
         af1_s_s: 7.048_584e-12,
         af0_s: -1.604_342_833_161e-5,
-        iodc: 58,
+        iodc: 0x23a,
         crs_m: -39.6875,
         delta_n_sc_s: 1.37e-9,
         m0_sc: -0.2,

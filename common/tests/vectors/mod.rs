@@ -73,6 +73,8 @@ pub fn kepler(table: &Table, row: &[String]) -> KeplerEphemeris {
         accuracy_m: 2.0,
         health: n("svh"),
         issue_of_data: n("iode") as u32,
+        // Not among the columns.
+        issue_of_clock: 3,
     }
 }
 

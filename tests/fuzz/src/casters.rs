@@ -24,7 +24,8 @@ pub fn ntrip(bytes: &[u8]) {
         assert_eq!(read_reply(bytes, false), Some((reply.clone(), length)), "in portions and at once");
     }
     let chunked = match reply {
-        Reply::Stream { chunked } | Reply::Sourcetable { chunked } => chunked,
+        Reply::Stream { chunked } | Reply::Sourcetable { chunked } | Reply::WebPage { chunked } => chunked,
+        Reply::Tls => return,
         Reply::Unauthorized(text)
         | Reply::NotFound(text)
         | Reply::NotUnderstood(text)

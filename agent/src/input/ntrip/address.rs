@@ -1,4 +1,4 @@
-//! `ntrip://USER:PASSWORD@HOST:PORT/MOUNT`.
+//! `ntrip://USER:PASSWORD@HOST:PORT/MOUNT`, and the same with `ntrips://` for TLS.
 
 use std::fmt;
 use std::str::FromStr;
@@ -6,9 +6,14 @@ use std::str::FromStr;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 
+use crate::input::tls::Trust;
+
 /// The port of a caster that names none.
 const USUAL_PORT: u16 = 2_101;
+/// The same with TLS: that of HTTPS, where most casters have it.
+const USUAL_TLS_PORT: u16 = 443;
 const SCHEME: &str = "ntrip://";
+const TLS_SCHEME: &str = "ntrips://";
 /// Longest name of a host or mount point.
 const LONGEST_NAME: usize = 255;
 
@@ -30,6 +35,8 @@ pub struct Caster {
     /// Its port.
     pub port: u16,
     account: Option<Account>,
+    /// Who may vouch for it, when it is spoken to in TLS.
+    trust: Option<Trust>,
 }
 
 /// User and password.
@@ -72,6 +79,22 @@ impl Caster {
         self.account.as_ref().map(|account| account.user.as_str())
     }
 
+    /// Who may vouch for it; `None` when it is spoken to without TLS.
+    pub const fn trust(&self) -> Option<&Trust> {
+        self.trust.as_ref()
+    }
+
+    /// The same caster with others who may vouch for it; one without TLS stays as it is.
+    #[must_use]
+    pub fn trusting(self, trust: &Trust) -> Self {
+        Self { trust: self.trust.map(|_| trust.clone()), ..self }
+    }
+
+    /// How its addresses begin.
+    pub(super) const fn scheme(&self) -> &'static str {
+        if self.trust.is_some() { TLS_SCHEME } else { SCHEME }
+    }
+
     /// The value of the header `Authorization`, if there is an account (RFC 7617).
     pub(super) fn authorization(&self) -> Option<String> {
         let Account { user, password } = self.account.as_ref()?;
@@ -81,32 +104,33 @@ impl Caster {
     /// Reads an address with or without a mount point.
     fn with_mount(text: &str) -> Result<(Self, &str), CasterError> {
         let wrong = |reason| CasterError { shown: without_password(text), reason };
-        if text.starts_with("ntrips://") {
-            return Err(wrong("TLS is not spoken here: use a port of the caster without it"));
-        }
-        let rest =
-            text.strip_prefix(SCHEME).ok_or_else(|| wrong("the address does not begin with ntrip://"))?;
+        let (rest, trust) = match (text.strip_prefix(SCHEME), text.strip_prefix(TLS_SCHEME)) {
+            (Some(rest), _) => (rest, None),
+            (_, Some(rest)) => (rest, Some(Trust::default())),
+            (None, None) => return Err(wrong("the address does not begin with ntrip:// or ntrips://")),
+        };
         // A password may hold what should have been escaped: the last @ counts.
         let (account, place) = match rest.rsplit_once('@') {
             Some((account, place)) => (Some(account), place),
             None => (None, rest),
         };
         let (server, mount) = place.split_once('/').unwrap_or((place, ""));
-        let (host, port) = host_and_port(server).ok_or_else(|| wrong("host or port is none"))?;
+        let usual_port = if trust.is_some() { USUAL_TLS_PORT } else { USUAL_PORT };
+        let (host, port) = host_and_port(server, usual_port).ok_or_else(|| wrong("host or port is none"))?;
         let account = match account {
             None => None,
             Some(text) => Some(Account::read(text).ok_or_else(|| wrong("a % in it begins no escape"))?),
         };
-        Ok((Self { host, port, account }, mount))
+        Ok((Self { host, port, account, trust }, mount))
     }
 }
 
-fn host_and_port(server: &str) -> Option<(String, u16)> {
+fn host_and_port(server: &str, usual_port: u16) -> Option<(String, u16)> {
     // Colons of an IPv6 address are within brackets.
     let colon = server.rfind(':').filter(|at| !server.get(*at..).is_some_and(|rest| rest.contains(']')));
     let (host, port) = match colon {
         Some(at) => (server.get(..at)?, server.get(at + 1..)?.parse().ok().filter(|port| *port > 0)?),
-        None => (server, USUAL_PORT),
+        None => (server, usual_port),
     };
     is_name(host).then(|| (host.to_owned(), port))
 }
@@ -144,7 +168,7 @@ fn unescape(text: &str) -> Option<String> {
 impl FromStr for Caster {
     type Err = CasterError;
 
-    /// Reads `ntrip://USER:PASSWORD@HOST:PORT`; a mount point behind it is of no effect.
+    /// Reads `ntrip://USER:PASSWORD@HOST:PORT` or `ntrips://…`; a mount point behind it is of no effect.
     fn from_str(text: &str) -> Result<Self, CasterError> {
         Self::with_mount(text).map(|(caster, _)| caster)
     }
@@ -166,7 +190,7 @@ impl FromStr for Mount {
 
 impl fmt::Display for Caster {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "ntrip://{}", self.address())
+        write!(f, "{}{}", self.scheme(), self.address())
     }
 }
 
@@ -203,6 +227,11 @@ mod tests {
         let careless = mount("ntrip://me:p@ss/word@host:1/M");
         assert_eq!(careless.caster.account.unwrap().password, "p@ss/word");
         assert_eq!("ntrip://host".parse::<Caster>().unwrap().to_string(), "ntrip://host:2101");
+        assert!(full.caster.trust().is_none() && bare.caster.trusting(&Trust::default()).trust().is_none());
+        let secured = mount("ntrips://me:x@[::1]/M");
+        assert_eq!(secured.to_string(), "ntrips://[::1]:443/M");
+        assert_eq!(secured.caster.trust(), Some(&Trust::default()));
+        assert_eq!("ntrips://host:2102".parse::<Caster>().unwrap().to_string(), "ntrips://host:2102");
     }
 
     #[test]
@@ -219,7 +248,9 @@ mod tests {
             "ntrip://me:secret@host/M 1",
             "ntrip://me:secret%4@host/M",
             "ntrip://me:secret%0A@host/M",
-            "ntrips://me:secret@host/M",
+            "ntrips://me:secret@host",
+            "ntrips://me:secret@host:0/M",
+            "ntripss://me:secret@host/M",
             "ntriq://me:secret@host/M",
         ] {
             let said = text.parse::<Mount>().unwrap_err().to_string();

@@ -1,7 +1,6 @@
 //! Asks a caster for a stream and reads it.
 
 use std::io::{self, Read, Write};
-use std::net::TcpStream;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -13,13 +12,20 @@ use super::gga;
 use super::reply::{Reply, read_reply};
 use crate::Stop;
 use crate::input::connection::{Dial, DialError, is_no_news};
-use crate::input::{PORTION_BYTES, tcp};
+use crate::input::{PORTION_BYTES, tcp, tls};
 use crate::source;
 
 /// Longest wait for a caster's reply.
 const REPLY: Duration = Duration::from_secs(10);
 /// How often a caster hears where the rover is.
 const REPORT: Duration = Duration::from_secs(10);
+
+/// What to do about a caster that answers in TLS.
+pub(super) const SPEAKS_TLS: &str =
+    "the caster speaks TLS at this port: write ntrips:// in place of ntrip://";
+
+/// What to do about a web server.
+const WEB_PAGE: &str = "a web page is answered in place of a stream: is this the caster's port?";
 
 /// Where the rover is, as far as that is known. Clones share it.
 #[derive(Clone, Debug, Default)]
@@ -74,6 +80,8 @@ impl Client {
             Reply::NotUnderstood(text) | Reply::Other(text) => {
                 DialError::Failed(format!("the caster answers '{text}'"))
             }
+            Reply::WebPage { .. } => DialError::Refused(WEB_PAGE.to_owned()),
+            Reply::Tls => DialError::Refused(SPEAKS_TLS.to_owned()),
             Reply::Stream { .. } => DialError::Failed("the stream is there".to_owned()),
         }
     }
@@ -85,7 +93,10 @@ pub(super) fn unauthorized(caster: &Caster, said: &str) -> String {
         Some(user) => {
             format!("the caster refuses user '{user}' ({said}): check user, password and their rights")
         }
-        None => format!("the caster wants an account ({said}): write ntrip://USER:PASSWORD@HOST:PORT/MOUNT"),
+        None => {
+            let scheme = caster.scheme();
+            format!("the caster wants an account ({said}): write {scheme}USER:PASSWORD@HOST:PORT/MOUNT")
+        }
     }
 }
 
@@ -101,15 +112,15 @@ impl Dial for Client {
     }
 
     fn dial(&mut self, stop: &Stop) -> Result<Box<dyn Read>, DialError> {
-        let mut tcp = tcp::open(&self.mount.caster.address())?;
+        let mut wire = connect(&self.mount.caster, stop)?;
         let position = self.rover.get().map(sentence_now);
         let gga = position.filter(|_| self.revision == Revision::Second);
         let path = format!("/{}", self.mount.mount);
-        tcp.write_all(request(&self.mount.caster, &path, self.revision, gga.as_deref()).as_bytes())?;
-        let (reply, body) = await_reply(&mut tcp, stop)?;
+        wire.write_all(request(&self.mount.caster, &path, self.revision, gga.as_deref()).as_bytes())?;
+        let (reply, body) = await_reply(wire.as_mut(), &self.mount.caster, stop)?;
         match reply {
             Reply::Stream { chunked } => {
-                let mut stream = Stream::new(tcp, chunked, self.rover.clone());
+                let mut stream = Stream::new(wire, chunked, self.rover.clone());
                 stream.body.take(&body);
                 Ok(Box::new(stream))
             }
@@ -120,6 +131,19 @@ impl Dial for Client {
 
 fn sentence_now(position: Ecef) -> String {
     gga::sentence(position, source::now())
+}
+
+/// A connection to a caster, be it within TLS or not.
+pub(super) trait Wire: Read + Write {}
+
+impl<T: Read + Write> Wire for T {}
+
+/// Connects to a caster. Reads return within [`crate::input::LOOK`].
+pub(super) fn connect(caster: &Caster, stop: &Stop) -> Result<Box<dyn Wire>, DialError> {
+    Ok(match caster.trust() {
+        None => Box::new(tcp::open(&caster.address())?),
+        Some(trust) => Box::new(tls::open(&caster.host, caster.port, trust, stop)?),
+    })
 }
 
 /// The request for a path. A position goes into it as revision 2 has it.
@@ -140,20 +164,25 @@ pub(super) fn request(caster: &Caster, path: &str, revision: Revision, gga: Opti
 }
 
 /// Reads a caster's reply; and what came of its data with it.
-pub(super) fn await_reply(tcp: &mut TcpStream, stop: &Stop) -> Result<(Reply, Vec<u8>), DialError> {
+pub(super) fn await_reply(
+    wire: &mut dyn Wire,
+    caster: &Caster,
+    stop: &Stop,
+) -> Result<(Reply, Vec<u8>), DialError> {
     let asked = Instant::now();
     let (mut bytes, mut buffer) = (Vec::new(), vec![0; 4_096]);
     while asked.elapsed() < REPLY && !stop.is_requested() {
-        let ended = match tcp.read(&mut buffer) {
+        let ended = match wire.read(&mut buffer) {
             Ok(count) => {
                 bytes.extend_from_slice(buffer.get(..count).unwrap_or_default());
                 count == 0
             }
             Err(error) if is_no_news(&error) => continue,
+            Err(error) if error.kind() == io::ErrorKind::ConnectionReset => true,
             Err(error) => return Err(error.into()),
         };
         if ended && bytes.is_empty() {
-            return Err(DialError::Failed("the caster closed the connection without a reply".to_owned()));
+            return Err(DialError::Failed(without_reply(caster)));
         }
         if let Some((reply, length)) = read_reply(&bytes, ended) {
             return Ok((reply, bytes.split_off(length.min(bytes.len()))));
@@ -161,6 +190,11 @@ pub(super) fn await_reply(tcp: &mut TcpStream, stop: &Stop) -> Result<(Reply, Ve
     }
     let waited_s = REPLY.as_secs();
     Err(DialError::Failed(format!("the caster did not reply within {waited_s} s")))
+}
+
+fn without_reply(caster: &Caster) -> String {
+    let perhaps = if caster.trust().is_some() { "" } else { ": a port for TLS is written ntrips://" };
+    format!("the caster closed the connection without a reply{perhaps}")
 }
 
 /// The data of a reply, freed of the transfer's coding.
@@ -215,7 +249,7 @@ impl Body {
 
 /// A stream that was granted.
 struct Stream {
-    tcp: TcpStream,
+    wire: Box<dyn Wire>,
     body: Body,
     rover: RoverPosition,
     reported: Option<Instant>,
@@ -223,15 +257,15 @@ struct Stream {
 }
 
 impl Stream {
-    fn new(tcp: TcpStream, chunked: bool, rover: RoverPosition) -> Self {
-        Self { tcp, body: Body::new(chunked), rover, reported: None, raw: vec![0; PORTION_BYTES] }
+    fn new(wire: Box<dyn Wire>, chunked: bool, rover: RoverPosition) -> Self {
+        Self { wire, body: Body::new(chunked), rover, reported: None, raw: vec![0; PORTION_BYTES] }
     }
 
     /// Tells the caster where the rover is, when that is due.
     fn report(&mut self) -> io::Result<()> {
         let is_due = self.reported.is_none_or(|at| at.elapsed() >= REPORT);
         if let Some(position) = self.rover.get().filter(|_| is_due) {
-            self.tcp.write_all(sentence_now(position).as_bytes())?;
+            self.wire.write_all(sentence_now(position).as_bytes())?;
             self.reported = Some(Instant::now());
         }
         Ok(())
@@ -246,7 +280,7 @@ impl Read for Stream {
             if count > 0 || self.body.is_complete()? {
                 return Ok(count);
             }
-            let read = self.tcp.read(&mut self.raw)?;
+            let read = self.wire.read(&mut self.raw)?;
             if read == 0 {
                 return Ok(0);
             }

@@ -4,7 +4,7 @@
 //!   one that answers that it does not understand is asked again as revision 1.
 //! - A caster hears where the rover is, once that is known and every ten seconds from then on, as a GGA sentence: virtual reference
 //!   stations need it. Casters of one real station ignore it.
-//! - The password appears in no message. It goes over the network unencrypted, as NTRIP has it: TLS (`ntrips://`) is not spoken.
+//! - `ntrips://` is the same within TLS ([`super::Trust`]). Without it the password goes over the network unencrypted; it appears in no message.
 
 mod address;
 mod chunks;

@@ -7,6 +7,8 @@ const LONGEST_HEAD: usize = 16_384;
 const MOST_HEADERS: usize = 64;
 /// Texts of a caster are shown so far.
 const SHOWN: usize = 80;
+/// How an alert of TLS begins (RFC 8446, 5.1 and 6): the answer to a request in the clear.
+const TLS_ALERT: &[u8] = &[21, 3];
 
 /// What a caster answers.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,18 +23,28 @@ pub enum Reply {
         /// In chunks.
         chunked: bool,
     },
+    /// A page for people: no caster, or one that takes us for a browser.
+    WebPage {
+        /// In chunks.
+        chunked: bool,
+    },
     /// User or password are wrong, or missing.
     Unauthorized(String),
     /// There is no such mount point.
     NotFound(String),
     /// The caster does not understand the request: it may be of revision 1.
     NotUnderstood(String),
+    /// It speaks TLS at this port.
+    Tls,
     /// It says something else.
     Other(String),
 }
 
 /// Where the data begin, and what was answered. `None` until more bytes come. `ended`: no more will.
 pub fn read_reply(bytes: &[u8], ended: bool) -> Option<(Reply, usize)> {
+    if bytes.starts_with(TLS_ALERT) {
+        return Some((Reply::Tls, bytes.len()));
+    }
     if let Some(found) = first_revision(bytes) {
         return Some(found);
     }
@@ -41,10 +53,19 @@ pub fn read_reply(bytes: &[u8], ended: bool) -> Option<(Reply, usize)> {
     match response.parse(bytes) {
         Ok(Status::Complete(length)) => Some((second_revision(&response), length)),
         Ok(Status::Partial) if !ended && bytes.len() < LONGEST_HEAD => None,
+        // Some casters refuse with the first line alone.
+        Ok(Status::Partial) if ended && is_refusal(&response) => {
+            Some((second_revision(&response), bytes.len()))
+        }
         // A line may be incomplete that has nothing to do with HTTP.
         Err(_) if !ended && bytes.len() < LONGEST_HEAD && !bytes.contains(&b'\n') => None,
         _ => Some((Reply::Other(shown(bytes)), bytes.len())),
     }
+}
+
+/// Whether the first line has come, and grants nothing.
+fn is_refusal(response: &httparse::Response<'_, '_>) -> bool {
+    response.code.is_some_and(|code| code != 200) && response.reason.is_some()
 }
 
 /// The replies of revision 1, which are no HTTP.
@@ -93,6 +114,7 @@ fn second_revision(response: &httparse::Response<'_, '_>) -> Reply {
     let chunked = header("Transfer-Encoding").contains("chunked");
     match code {
         200 if header("Content-Type").contains("sourcetable") => Reply::Sourcetable { chunked },
+        200 if header("Content-Type").contains("text/html") => Reply::WebPage { chunked },
         200 => Reply::Stream { chunked },
         401 | 403 => Reply::Unauthorized(text),
         404 => Reply::NotFound(text),
@@ -102,7 +124,7 @@ fn second_revision(response: &httparse::Response<'_, '_>) -> Reply {
 }
 
 /// The beginning of what a caster said, printable.
-fn shown(bytes: &[u8]) -> String {
+pub(super) fn shown(bytes: &[u8]) -> String {
     let line = bytes.split(|byte| *byte == b'\n').next().unwrap_or_default().trim_ascii();
     let start = line.get(..line.len().min(SHOWN)).unwrap_or_default();
     start.iter().map(|byte| std::ascii::escape_default(*byte).to_string()).collect()
@@ -132,6 +154,11 @@ mod tests {
                 b"STR;",
             ),
             (
+                b"HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\r\n<html>",
+                Reply::WebPage { chunked: false },
+                b"<html>",
+            ),
+            (
                 b"SOURCETABLE 200 OK\r\nServer: NTRIP x: y\r\nContent-Length: 9\r\n\r\nSTR;a: b;\r\n",
                 Reply::Sourcetable { chunked: false },
                 b"STR;a: b;\r\n",
@@ -144,10 +171,24 @@ mod tests {
             (b"HTTP/1.1 505 Version\r\n\r\n", Reply::NotUnderstood("505 Version".to_owned()), b""),
             (b"HTTP/1.1 503 Busy\r\n\r\n", Reply::Other("503 Busy".to_owned()), b""),
             (b"HTTP/1.1 404 a\tb\r\n\r\n", Reply::NotFound("404 a\\tb".to_owned()), b""),
+            (b"\x15\x03\x03\x00\x02\x02\x16", Reply::Tls, b""),
             (b"\x00\x01hello\r\n", Reply::Other("\\x00\\x01hello".to_owned()), b""),
         ] {
             let (found, length) = read_reply(text, false).unwrap();
             assert_eq!((found, &text[length..]), (reply, data), "{}", String::from_utf8_lossy(text));
+        }
+    }
+
+    /// As RTKLIB's caster does it.
+    #[test]
+    fn a_refusal_may_have_no_more_than_its_first_line() {
+        let unauthorized = Reply::Unauthorized("401 Unauthorized".to_owned());
+        for text in [&b"HTTP/1.0 401 Unauthorized\r\n"[..], b"HTTP/1.0 401 Unauthorized\r\nServer: x\r\n"] {
+            assert_eq!(read_reply(text, false), None);
+            assert_eq!(read_reply(text, true), Some((unauthorized.clone(), text.len())));
+        }
+        for text in [&b"HTTP/1.0 401"[..], b"HTTP/1.1 200 OK\r\n"] {
+            assert!(matches!(read_reply(text, true), Some((Reply::Other(_), _))));
         }
     }
 

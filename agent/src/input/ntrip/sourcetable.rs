@@ -1,15 +1,13 @@
 //! A caster's list of streams (RTCM 10410.1, 3.4).
 
 use std::fmt;
-use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
 use super::address::Caster;
-use super::client::{Body, Revision, await_reply, request, unauthorized};
-use super::reply::Reply;
+use super::client::{Body, Revision, SPEAKS_TLS, await_reply, connect, request, unauthorized};
+use super::reply::{Reply, shown};
 use crate::Stop;
 use crate::input::connection::{DialError, is_no_news};
-use crate::input::tcp;
 
 /// The largest known ones have some hundred kilobytes.
 const MOST_BYTES: usize = 16 << 20;
@@ -64,16 +62,21 @@ pub fn sourcetable(caster: &Caster, stop: &Stop) -> Result<Sourcetable, Sourceta
     let text = fetch(caster, stop).map_err(|error| match error {
         DialError::Failed(reason) | DialError::Refused(reason) => failed(reason),
     })?;
-    Ok(Sourcetable::parse(&text))
+    let table = Sourcetable::parse(&text);
+    if table == Sourcetable::default() && !ends(text.as_bytes()) {
+        return Err(failed(format!("the answer is none, it begins with '{}'", shown(text.as_bytes()))));
+    }
+    Ok(table)
 }
 
 fn fetch(caster: &Caster, stop: &Stop) -> Result<String, DialError> {
-    let mut tcp = tcp::open(&caster.address())?;
-    tcp.write_all(request(caster, "/", Revision::Second, None).as_bytes())?;
-    let (reply, first) = await_reply(&mut tcp, stop)?;
+    let mut wire = connect(caster, stop)?;
+    wire.write_all(request(caster, "/", Revision::Second, None).as_bytes())?;
+    let (reply, first) = await_reply(wire.as_mut(), caster, stop)?;
     let chunked = match reply {
-        Reply::Sourcetable { chunked } | Reply::Stream { chunked } => chunked,
+        Reply::Sourcetable { chunked } | Reply::Stream { chunked } | Reply::WebPage { chunked } => chunked,
         Reply::Unauthorized(text) => return Err(DialError::Refused(unauthorized(caster, &text))),
+        Reply::Tls => return Err(DialError::Refused(SPEAKS_TLS.to_owned())),
         Reply::NotFound(text) | Reply::NotUnderstood(text) | Reply::Other(text) => {
             return Err(DialError::Refused(format!("the caster answers '{text}'")));
         }
@@ -92,7 +95,7 @@ fn fetch(caster: &Caster, stop: &Stop) -> Result<String, DialError> {
         if is_over || heard.elapsed() > SILENCE {
             return Ok(String::from_utf8_lossy(&table).into_owned());
         }
-        match tcp.read(&mut buffer) {
+        match wire.read(&mut buffer) {
             Ok(0) => return Ok(String::from_utf8_lossy(&table).into_owned()),
             Ok(count) => {
                 heard = Instant::now();

@@ -43,8 +43,7 @@ fn ionosphere_line(name: &str, numbers: &[f64]) -> String {
 /// The record of an ephemeris (RINEX 3.05, tables A6, A8, A12, A14). `None` for systems whose records have another
 /// form, or when the calendar cannot show its time.
 ///
-/// What [`KeplerEphemeris`] does not keep is written as unknown: time of transmission, fit interval, codes on L2. The issue
-/// of the clock's data stands for that of the orbit's.
+/// What [`KeplerEphemeris`] does not keep is written as unknown: time of transmission, fit interval, codes on L2.
 pub fn navigation_record(ephemeris: &KeplerEphemeris) -> Option<String> {
     let constellation = ephemeris.satellite.constellation;
     let (behind_s, week_offset) = match constellation {
@@ -77,11 +76,11 @@ fn lines(e: &KeplerEphemeris, week: f64) -> [[f64; 4]; 7] {
         NavigationMessage::GalileoFnav => FNAV_SOURCES,
         NavigationMessage::Lnav | NavigationMessage::BeidouD1D2 => 0.0,
     };
-    let issue = f64::from(e.issue_of_data);
+    let (issue, issue_of_clock) = (f64::from(e.issue_of_data), f64::from(e.issue_of_clock));
     let (first_delay, second_delay) = e.group_delays_s;
     let (second_delay, last) = match e.message {
-        NavigationMessage::Lnav => (issue, f64::NAN),
-        NavigationMessage::BeidouD1D2 => (second_delay, issue),
+        NavigationMessage::Lnav => (issue_of_clock, f64::NAN),
+        NavigationMessage::BeidouD1D2 => (second_delay, issue_of_clock),
         NavigationMessage::GalileoInav | NavigationMessage::GalileoFnav => (second_delay, f64::NAN),
     };
     [

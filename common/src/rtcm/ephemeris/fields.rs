@@ -90,6 +90,7 @@ pub(super) struct Rest {
     pub(super) accuracy_m: f64,
     pub(super) health: u32,
     pub(super) issue_of_data: u32,
+    pub(super) issue_of_clock: u32,
 }
 
 /// Message 1019.
@@ -102,7 +103,7 @@ pub(super) fn gps(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     let i_dot_radps = bits.scaled(14, PI * power(-43))?;
     let issue_of_data = bits.unsigned(8)?;
     let (toc_s, clock) = lnav_clock(bits, &widths)?;
-    bits.skip(10); // IODC
+    let issue_of_clock = bits.unsigned(10)?;
     let orbit = Orbit::read(bits, &widths)?;
     let group_delays_s = (bits.scaled(8, power(-31))?, 0.0);
     let health = bits.unsigned(6)?;
@@ -118,6 +119,7 @@ pub(super) fn gps(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
         accuracy_m,
         health,
         issue_of_data,
+        issue_of_clock,
     };
     Ok((rest, orbit))
 }
@@ -135,6 +137,7 @@ pub(super) fn qzss(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     let accuracy_m = ura_m(bits.unsigned(4)?.into());
     let health = bits.unsigned(6)?;
     let group_delays_s = (bits.scaled(8, power(-31))?, 0.0);
+    let issue_of_clock = bits.unsigned(10)?;
     let message = NavigationMessage::Lnav;
     let rest = Rest {
         satellite,
@@ -147,6 +150,7 @@ pub(super) fn qzss(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
         accuracy_m,
         health,
         issue_of_data,
+        issue_of_clock,
     };
     Ok((rest, orbit))
 }
@@ -172,7 +176,7 @@ pub(super) fn beidou(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
     let rate = bits.scaled(11, power(-66))?;
     let drift = bits.scaled(22, power(-50))?;
     let clock = (bits.scaled(24, power(-33))?, drift, rate);
-    bits.skip(5); // AODC
+    let issue_of_clock = bits.unsigned(5)?;
     let orbit = Orbit::read(bits, &widths)?;
     let group_delays_s = (bits.scaled(10, 1e-10)?, bits.scaled(10, 1e-10)?);
     let health = bits.unsigned(1)?;
@@ -188,6 +192,7 @@ pub(super) fn beidou(bits: &mut Bits<'_>) -> Result<(Rest, Orbit), TooShort> {
         accuracy_m,
         health,
         issue_of_data,
+        issue_of_clock,
     };
     Ok((rest, orbit))
 }
@@ -198,6 +203,7 @@ pub(super) fn galileo(bits: &mut Bits<'_>, inav: bool) -> Result<(Rest, Orbit), 
     let satellite = satellite(bits, 6, Constellation::Galileo)?;
     let week = (bits.unsigned(12)?, 4096);
     let issue_of_data = bits.unsigned(10)?;
+    let issue_of_clock = issue_of_data;
     let accuracy_m = sisa_m(bits.unsigned(8)?.into());
     let i_dot_radps = bits.scaled(14, PI * power(-43))?;
     let toc_s = bits.scaled_unsigned(widths.time.0, widths.time.1)?;
@@ -225,6 +231,7 @@ pub(super) fn galileo(bits: &mut Bits<'_>, inav: bool) -> Result<(Rest, Orbit), 
         accuracy_m,
         health,
         issue_of_data,
+        issue_of_clock,
     };
     Ok((rest, orbit))
 }

@@ -75,6 +75,7 @@ fn assemble(rest: &Rest, orbit: &Orbit, now: GpsTime) -> Result<KeplerEphemeris,
         accuracy_m: rest.accuracy_m,
         health: f64::from(rest.health),
         issue_of_data: rest.issue_of_data,
+        issue_of_clock: rest.issue_of_clock,
     })
 }
 
