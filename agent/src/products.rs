@@ -132,12 +132,13 @@ pub struct OwnNavigation {
 type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, u64);
 
 impl OwnNavigation {
-    /// Takes a record's ephemeris; gives back the epoch of any other record.
+    /// Takes a record's ephemeris; gives back the epoch of any other record. Events change nothing.
     pub fn take(&mut self, record: Record) -> Option<ObservationEpoch> {
         match record {
             Record::Epoch(epoch) => return Some(epoch),
             Record::Ephemeris(ephemeris) => self.add_kepler(*ephemeris),
             Record::Glonass(ephemeris) => self.add_glonass(*ephemeris),
+            Record::Event(_) => {}
         }
         None
     }

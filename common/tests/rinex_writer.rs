@@ -207,9 +207,9 @@ fn observation(satellite: SatelliteId, signal: SignalCode) -> impl Strategy<Valu
         thousandths(-999_999_999_999, 9_999_999_999_999),
         thousandths(-50_000_000, 50_000_000),
         thousandths(1, 70_000),
-        any::<(bool, bool)>(),
+        any::<(bool, bool, bool)>(),
     );
-    values.prop_map(move |(pseudorange, phase, doppler, cn0, (cycle_slip, half_cycle))| {
+    values.prop_map(move |(pseudorange, phase, doppler, cn0, (cycle_slip, half_cycle, noisier))| {
         let with_phase = phase.is_some();
         Observation {
             satellite,
@@ -221,6 +221,7 @@ fn observation(satellite: SatelliteId, signal: SignalCode) -> impl Strategy<Valu
             loss_of_lock: LossOfLock {
                 cycle_slip: cycle_slip && with_phase,
                 half_cycle: half_cycle && with_phase,
+                noisier: noisier && with_phase,
             },
         }
     })
@@ -279,7 +280,7 @@ fn loss_of_lock_without_a_phase_comes_back() {
         carrier_phase_cycles: Some(1e-6),
         doppler_hz: None,
         cn0_dbhz: None,
-        loss_of_lock: LossOfLock { cycle_slip: true, half_cycle: false },
+        loss_of_lock: LossOfLock { cycle_slip: true, ..LossOfLock::default() },
     };
     let epoch = ObservationEpoch {
         time_gps: "2023-11-07T12:00:00".parse().unwrap(),

@@ -1,6 +1,7 @@
 //! What is in a recording: span, gaps, signals, strength, slips, clock jumps, what is skipped.
 
 mod clock;
+mod events;
 mod signals;
 mod steps;
 mod table;
@@ -16,6 +17,7 @@ use cofix_common::time::GpsTime;
 use serde::Serialize;
 
 pub use clock::{ClockJump, ClockJumps};
+pub use events::{EventReport, Events};
 pub use signals::{ConstellationReport, SignalReport, Spread};
 pub use steps::{Gap, Gaps};
 pub use trial::Trial;
@@ -49,6 +51,8 @@ pub struct Inspection {
     pub gaps: Gaps,
     /// Epochs flagged as the first after a power failure.
     pub power_failures: u64,
+    /// What is told between the epochs.
+    pub events: Events,
     /// Satellites per epoch.
     pub satellites_per_epoch: Option<Spread>,
     /// What was observed.
@@ -102,6 +106,9 @@ pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Ins
     let mut tally = Tally::default();
     let mut navigation = OwnNavigation::default();
     while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
+        if let Record::Event(event) = &record {
+            tally.events.add(event, tally.span.map(|(_, last)| last));
+        }
         if let Some(epoch) = navigation.take(record) {
             tally.epoch(&epoch);
         }
@@ -149,6 +156,7 @@ struct Tally {
     epochs: u64,
     span: Option<(GpsTime, GpsTime)>,
     power_failures: u64,
+    events: Events,
     satellites: signals::Sum,
     steps: steps::Steps,
     signals: signals::Signals,
@@ -185,6 +193,7 @@ impl Tally {
             interval_s,
             gaps,
             power_failures: self.power_failures,
+            events: self.events,
             satellites_per_epoch: self.satellites.spread(),
             duty_cycled: self.signals.duty_cycled(),
             masks: vec![

@@ -19,8 +19,10 @@ mod navigation_decoder;
 mod navigation_header;
 mod navigation_record;
 mod observation;
+mod observation_file;
 mod observation_record;
 mod order;
+mod pending;
 mod stream;
 mod types;
 mod types_2;
@@ -36,7 +38,8 @@ pub use line_assembly::MAX_LINE_BYTES;
 pub use navigation::NavigationFile;
 pub use navigation_decoder::NavigationDecoder;
 pub use navigation_header::IonosphereTerms;
-pub use observation::{ObservationDecoder, ObservationFile};
+pub use observation::ObservationDecoder;
+pub use observation_file::ObservationFile;
 pub use types::{ObservationKind, ObservationType};
 pub use writer::{
     ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, navigation_header, navigation_record,
