@@ -128,8 +128,9 @@ pub struct OwnNavigation {
     known: BTreeSet<MessageKey>,
 }
 
-/// What tells a message from others: satellite, kind, reference times of orbit and clock, issue of data, health.
-type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, u64);
+/// What tells a message from others: satellite, kind, reference times of orbit and clock, issue of data, and what may
+/// change without a new one: health, accuracy, group delays.
+type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, [u64; 4]);
 
 impl OwnNavigation {
     /// Takes a record's ephemeris; gives back the epoch of any other record. Events change nothing.
@@ -145,14 +146,16 @@ impl OwnNavigation {
 
     fn add_kepler(&mut self, e: KeplerEphemeris) {
         let kind = e.message as u8;
-        if self.known.insert((e.satellite, kind, e.toe, e.toc, e.issue_of_data, e.health.to_bits())) {
+        let (first, second) = e.group_delays_s;
+        let rest = [e.health, e.accuracy_m, first, second].map(f64::to_bits);
+        if self.known.insert((e.satellite, kind, e.toe, e.toc, e.issue_of_data, rest)) {
             self.file.ephemerides.push(e);
         }
     }
 
     fn add_glonass(&mut self, e: GlonassEphemeris) {
         let health = u64::from(e.health.unwrap_or_default());
-        if self.known.insert((e.satellite, 0, e.toe, e.toe, 0, health)) {
+        if self.known.insert((e.satellite, 0, e.toe, e.toe, 0, [health, 0, 0, 0])) {
             self.file.glonass.push(e);
         }
     }

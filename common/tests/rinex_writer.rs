@@ -9,7 +9,7 @@ use cofix_common::frames::{Ecef, EcefVector};
 use cofix_common::gnss::{
     Constellation, EpochFlag, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
-use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris};
+use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, UNKNOWN_ACCURACY_M};
 use cofix_common::rinex::{
     IonosphereTerms, NavigationFile, ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo,
     glonass_record, navigation_header, navigation_record,
@@ -172,6 +172,26 @@ fn glonass(utc_quarter: i64, leap_seconds: i64) -> GlonassEphemeris {
         health_flags: Some(3),
         age_days: 1.0,
         accuracy_m: 7.0,
+    }
+}
+
+/// An accuracy that nobody stated is not made one of ten metres.
+#[test]
+fn unknown_accuracy_is_written_as_unknown() {
+    for (path, unknown) in
+        [("oracle/inputs/07590920.05n", 0.0), ("data/ESBC00DNK_R_20201770000_01D_MN.rnx.gz", -1.0)]
+    {
+        let Some(bytes) = shared(path) else { return };
+        let mut file = NavigationFile::parse(&bytes).unwrap();
+        file.ephemerides.retain(|e| unknown == 0.0 || e.satellite.constellation == Constellation::Galileo);
+        let mut ephemeris = file.ephemerides[0];
+        ephemeris.accuracy_m = UNKNOWN_ACCURACY_M;
+        let record = navigation_record(&ephemeris).unwrap();
+        let line = record.lines().nth(6).unwrap();
+        assert_eq!(line[4..23].trim().parse::<f64>(), Ok(unknown), "{record}");
+        let again =
+            NavigationFile::parse((navigation_header("", &file.ionosphere, None) + &record).as_bytes());
+        assert_eq!(again.unwrap().ephemerides[0].accuracy_m, UNKNOWN_ACCURACY_M);
     }
 }
 

@@ -19,7 +19,7 @@ pub struct EventReport {
     pub after_gps: Option<String>,
     /// Lines that belong to it,
     pub lines: usize,
-    /// and the first of them.
+    /// and the first of them, its blanks drawn together.
     pub first_line: Option<String>,
     /// Repaired cycle slips.
     pub slips: usize,
@@ -46,7 +46,10 @@ impl Events {
                 at_gps: event.time_gps.map(|time| time.to_string()),
                 after_gps: after.map(|time| time.to_string()),
                 lines: event.lines.len(),
-                first_line: event.lines.first().cloned(),
+                first_line: event
+                    .lines
+                    .first()
+                    .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")),
                 slips: event.slips.len(),
             });
         }

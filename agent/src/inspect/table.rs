@@ -110,7 +110,7 @@ fn described(event: &EventReport) -> String {
         (None, None) => "before the first epoch".to_owned(),
     };
     let what = match (&event.first_line, event.slips) {
-        (Some(line), _) => format!(": '{}'", line.trim_end()),
+        (Some(line), _) => format!(": '{line}'"),
         (None, 0) => String::new(),
         (None, slips) => format!(": {slips} phases"),
     };

@@ -52,7 +52,7 @@ impl ObservationHeader {
 #[derive(Clone, Debug, Default)]
 pub(super) struct HeaderBuilder {
     header: ObservationHeader,
-    /// The header when it was complete.
+    /// The first header of the file, when it was complete.
     first: Option<Box<ObservationHeader>>,
     version: Version,
     types_2: TypeList,
@@ -90,7 +90,14 @@ impl HeaderBuilder {
         self.unread_time.take()
     }
 
-    /// The header when it was complete.
+    /// At the beginning of another header. GLONASS keeps its channels.
+    pub(super) fn again(self) -> Self {
+        let glonass_channels = self.header.glonass_channels;
+        let header = ObservationHeader { glonass_channels, ..ObservationHeader::default() };
+        Self { header, first: self.first, ..Self::default() }
+    }
+
+    /// The first header of the file, when it was complete.
     pub(super) const fn first(&self) -> Option<&ObservationHeader> {
         match &self.first {
             Some(first) => Some(first),
@@ -204,7 +211,7 @@ impl HeaderBuilder {
             other => return Err(RinexError::TimeSystem { found: other.to_owned() }),
         };
         self.header.first_observation = self.first_observation_own.map(|time| self.to_gps(time));
-        self.first = Some(Box::new(self.header.clone()));
+        self.first.get_or_insert_with(|| Box::new(self.header.clone()));
         Ok(())
     }
 

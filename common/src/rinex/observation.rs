@@ -78,6 +78,9 @@ impl ObservationDecoder {
     /// Only in the header: when it is not that of an observation file, or cannot be used.
     pub fn line(&mut self, number: u64, line: &[u8], take: Take<'_>) -> Result<(), RinexError> {
         let line = trim_end(line);
+        if begins_file(line) && !matches!(self.state, State::Header | State::Event(_)) {
+            self.begin_again(number, line, take);
+        }
         if matches!(self.state, State::Header) && self.builder.lines() == 0 && self.compact_header(line)? {
             return Ok(());
         }
@@ -85,6 +88,17 @@ impl ObservationDecoder {
             return self.plain_line(number, line, take);
         }
         self.compact_line(number, line, take)
+    }
+
+    /// A file that is joined to the one before has a header of its own, which holds from there on.
+    fn begin_again(&mut self, number: u64, line: &[u8], take: Take<'_>) {
+        self.cut_short(take);
+        self.skips.add("another header, which holds from there on", || {
+            format!("line {number}: '{}'", shorten(line))
+        });
+        self.builder = std::mem::take(&mut self.builder).again();
+        self.hatanaka = None;
+        self.state = State::Header;
     }
 
     /// The two lines that Compact RINEX puts before the header.
@@ -136,7 +150,19 @@ impl ObservationDecoder {
         Ok(())
     }
 
+    /// Of the first header an error is that of the file; of another it costs what follows.
     fn line_of_header(&mut self, number: u64, line: &[u8]) -> Result<(), RinexError> {
+        match self.take_line_of_header(number, line) {
+            Err(error) if self.builder.first().is_some() => {
+                self.skips.add("another header cannot be used, nor what follows it", || error.to_string());
+                self.state = State::Lost;
+                Ok(())
+            }
+            result => result,
+        }
+    }
+
+    fn take_line_of_header(&mut self, number: u64, line: &[u8]) -> Result<(), RinexError> {
         if self.builder.line(number, line)? {
             self.builder.complete()?;
             if let Some(text) = self.builder.unread_time() {
@@ -155,6 +181,9 @@ impl ObservationDecoder {
     /// When the header was not complete.
     pub fn finish(&mut self) -> Result<(), RinexError> {
         match std::mem::replace(&mut self.state, State::Between) {
+            State::Header if self.builder.first().is_some() => {
+                self.skips.add("another header is cut off", || format!("{} lines", self.builder.lines()));
+            }
             State::Header => {
                 self.state = State::Header;
                 return Err(RinexError::HeaderIncomplete { lines: self.builder.lines() });
@@ -344,6 +373,12 @@ impl ObservationDecoder {
             satellites
         }
     }
+}
+
+/// Whether a line is the first of a file.
+fn begins_file(line: &[u8]) -> bool {
+    let label = line.get(60..).unwrap_or_default();
+    label.starts_with(b"RINEX VERSION / TYPE") || label.starts_with(b"CRINEX VERS ")
 }
 
 const fn skip(remaining: usize) -> State {
