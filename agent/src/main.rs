@@ -95,7 +95,8 @@ fn convert(arguments: Convert) -> anyhow::Result<()> {
     for (reason, skip) in converted.skips.iter() {
         tracing::warn!("skipped {} × {reason}, first: {}", skip.count, skip.first);
     }
-    tracing::info!("wrote {} epochs and {} ephemerides", converted.epochs, converted.ephemerides);
+    let (epochs, events, ephemerides) = (converted.epochs, converted.events, converted.ephemerides);
+    tracing::info!("wrote {epochs} epochs, {events} events and {ephemerides} ephemerides");
     Ok(())
 }
 

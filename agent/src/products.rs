@@ -144,17 +144,18 @@ pub struct OwnNavigation {
     known: BTreeSet<MessageKey>,
 }
 
-/// What tells a message from others: satellite, kind, reference times of orbit and clock, issue of data, health and group delays (Galileo
-/// changes the latter without a new issue of data).
-type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, [u64; 3]);
+/// What tells a message from others: satellite, kind, reference times of orbit and clock, issue of data, and what may
+/// change without a new one: health, accuracy, group delays.
+type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, [u64; 4]);
 
 impl OwnNavigation {
-    /// Takes a record's ephemeris; gives back the epoch of any other record.
+    /// Takes a record's ephemeris; gives back the epoch of any other record. Events change nothing.
     pub fn take(&mut self, record: Record) -> Option<ObservationEpoch> {
         match record {
             Record::Epoch(epoch) => return Some(epoch),
             Record::Ephemeris(ephemeris) => self.add_kepler(*ephemeris),
             Record::Glonass(ephemeris) => self.add_glonass(*ephemeris),
+            Record::Event(_) => {}
         }
         None
     }
@@ -162,15 +163,15 @@ impl OwnNavigation {
     fn add_kepler(&mut self, e: KeplerEphemeris) {
         let kind = e.message as u8;
         let (first, second) = e.group_delays_s;
-        let state = [e.health, first, second].map(f64::to_bits);
-        if self.known.insert((e.satellite, kind, e.toe, e.toc, e.issue_of_data, state)) {
+        let rest = [e.health, e.accuracy_m, first, second].map(f64::to_bits);
+        if self.known.insert((e.satellite, kind, e.toe, e.toc, e.issue_of_data, rest)) {
             self.file.ephemerides.push(e);
         }
     }
 
     fn add_glonass(&mut self, e: GlonassEphemeris) {
         let health = u64::from(e.health.unwrap_or_default());
-        if self.known.insert((e.satellite, 0, e.toe, e.toe, 0, [health, 0, 0])) {
+        if self.known.insert((e.satellite, 0, e.toe, e.toe, 0, [health, 0, 0, 0])) {
             self.file.glonass.push(e);
         }
     }

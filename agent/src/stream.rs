@@ -121,7 +121,15 @@ impl StreamDecoder {
         }
     }
 
-    /// The header of a RINEX stream, once it is complete.
+    /// The header of a RINEX stream as it began, once it is complete.
+    pub fn first_header(&self) -> Option<&ObservationHeader> {
+        match &self.kind {
+            Kind::Rinex(_, decoder) => decoder.first_header(),
+            _ => None,
+        }
+    }
+
+    /// The header of a RINEX stream with what events changed in it, once it is complete.
     pub fn header(&self) -> Option<&ObservationHeader> {
         match &self.kind {
             Kind::Rinex(_, decoder) => decoder.header(),

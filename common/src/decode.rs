@@ -4,7 +4,7 @@
 //! on content: what cannot be read is counted and named in [`Decoder::skips`]. Only a stream that is no such stream at
 //! all is an error.
 
-use crate::gnss::ObservationEpoch;
+use crate::gnss::{Event, ObservationEpoch};
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
 
@@ -17,6 +17,8 @@ pub enum Record {
     Ephemeris(Box<KeplerEphemeris>),
     /// A GLONASS broadcast ephemeris.
     Glonass(Box<GlonassEphemeris>),
+    /// What happened between two epochs, for information.
+    Event(Box<Event>),
 }
 
 /// The stream is not of the decoder's kind, or of a version that it does not read.

@@ -117,7 +117,7 @@ fn decode_with(bytes: &[u8], options: Options) -> Decoded {
         match record {
             Record::Epoch(epoch) => epochs.push(epoch),
             Record::Ephemeris(ephemeris) => ephemerides.push(*ephemeris),
-            Record::Glonass(other) => panic!("{other:?}: such logs give no GLONASS ephemerides"),
+            other @ (Record::Glonass(_) | Record::Event(_)) => panic!("{other:?}: such logs give none"),
         }
     }
     Decoded { epochs, ephemerides, skips: decoder.skips().clone(), decoder }
@@ -708,7 +708,7 @@ proptest! {
         prop_assert_eq!(outcome(&portions), (records.clone(), skips, wrong, fixes));
         let times: Vec<GpsTime> = records
             .iter()
-            .filter_map(|r| match r { Record::Epoch(e) => Some(e.time_gps), Record::Ephemeris(_) | Record::Glonass(_) => None })
+            .filter_map(|r| match r { Record::Epoch(e) => Some(e.time_gps), _ => None })
             .collect();
         prop_assert!(times.is_sorted_by(|a, b| a < b), "epochs in time order");
         for record in &records {

@@ -85,7 +85,7 @@ fn errors(log: &str, navigation: &str, middle: &str) -> Option<(Vec<f64>, usize)
         match record {
             Record::Epoch(epoch) => epochs.push(epoch),
             Record::Ephemeris(ephemeris) => ephemerides.push(*ephemeris),
-            Record::Glonass(other) => panic!("{other:?}: such logs give no GLONASS ephemerides"),
+            other @ (Record::Glonass(_) | Record::Event(_)) => panic!("{other:?}: such logs give none"),
         }
     }
     assert!(decoder.skips().iter().all(|(reason, _)| !reason.contains("LNAV")), "{}", decoder.skips());

@@ -9,7 +9,7 @@ use cofix_common::frames::{Ecef, EcefVector};
 use cofix_common::gnss::{
     Constellation, EpochFlag, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
-use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris};
+use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, UNKNOWN_ACCURACY_M};
 use cofix_common::rinex::{
     IonosphereTerms, NavigationFile, ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo,
     glonass_record, navigation_header, navigation_record,
@@ -175,6 +175,26 @@ fn glonass(utc_quarter: i64, leap_seconds: i64) -> GlonassEphemeris {
     }
 }
 
+/// An accuracy that nobody stated is not made one of ten metres.
+#[test]
+fn unknown_accuracy_is_written_as_unknown() {
+    for (path, unknown) in
+        [("oracle/inputs/07590920.05n", 0.0), ("data/ESBC00DNK_R_20201770000_01D_MN.rnx.gz", -1.0)]
+    {
+        let Some(bytes) = shared(path) else { return };
+        let mut file = NavigationFile::parse(&bytes).unwrap();
+        file.ephemerides.retain(|e| unknown == 0.0 || e.satellite.constellation == Constellation::Galileo);
+        let mut ephemeris = file.ephemerides[0];
+        ephemeris.accuracy_m = UNKNOWN_ACCURACY_M;
+        let record = navigation_record(&ephemeris).unwrap();
+        let line = record.lines().nth(6).unwrap();
+        assert_eq!(line[4..23].trim().parse::<f64>(), Ok(unknown), "{record}");
+        let again =
+            NavigationFile::parse((navigation_header("", &file.ionosphere, None) + &record).as_bytes());
+        assert_eq!(again.unwrap().ephemerides[0].accuracy_m, UNKNOWN_ACCURACY_M);
+    }
+}
+
 /// Through the leap second at the end of 2016: 17 s before, 18 s from then on.
 #[test]
 fn glonass_comes_back_exactly() {
@@ -207,9 +227,9 @@ fn observation(satellite: SatelliteId, signal: SignalCode) -> impl Strategy<Valu
         thousandths(-999_999_999_999, 9_999_999_999_999),
         thousandths(-50_000_000, 50_000_000),
         thousandths(1, 70_000),
-        any::<(bool, bool)>(),
+        any::<(bool, bool, bool)>(),
     );
-    values.prop_map(move |(pseudorange, phase, doppler, cn0, (cycle_slip, half_cycle))| {
+    values.prop_map(move |(pseudorange, phase, doppler, cn0, (cycle_slip, half_cycle, noisier))| {
         let with_phase = phase.is_some();
         Observation {
             satellite,
@@ -221,6 +241,7 @@ fn observation(satellite: SatelliteId, signal: SignalCode) -> impl Strategy<Valu
             loss_of_lock: LossOfLock {
                 cycle_slip: cycle_slip && with_phase,
                 half_cycle: half_cycle && with_phase,
+                noisier: noisier && with_phase,
             },
         }
     })
@@ -279,7 +300,7 @@ fn loss_of_lock_without_a_phase_comes_back() {
         carrier_phase_cycles: Some(1e-6),
         doppler_hz: None,
         cn0_dbhz: None,
-        loss_of_lock: LossOfLock { cycle_slip: true, half_cycle: false },
+        loss_of_lock: LossOfLock { cycle_slip: true, ..LossOfLock::default() },
     };
     let epoch = ObservationEpoch {
         time_gps: "2023-11-07T12:00:00".parse().unwrap(),

@@ -29,6 +29,7 @@ fn take(decoder: &mut RtcmDecoder) -> Vec<ObservationEpoch> {
             Record::Epoch(epoch) => epoch,
             Record::Ephemeris(e) => panic!("no ephemerides in this stream, but {}", e.satellite),
             Record::Glonass(e) => panic!("no ephemerides in this stream, but {}", e.satellite),
+            Record::Event(event) => panic!("no events in this stream, but {event:?}"),
         })
         .collect()
 }

@@ -31,7 +31,7 @@ fn epochs(frames: &[Vec<u8>]) -> (Vec<ObservationEpoch>, Skips) {
     let (records, skips) = decode(&[&frames.concat()]);
     let epochs = records.into_iter().filter_map(|record| match record {
         Record::Epoch(epoch) => Some(epoch),
-        Record::Ephemeris(_) | Record::Glonass(_) => None,
+        Record::Ephemeris(_) | Record::Glonass(_) | Record::Event(_) => None,
     });
     (epochs.collect(), skips)
 }

@@ -113,6 +113,7 @@ fn pump(
     let mut records = Records::new(source.open_near(rover)?, near);
     let outcome = loop {
         match records.next(stop) {
+            Ok(Some(Record::Event(_))) => {}
             Ok(Some(record)) => {
                 inbox.put(Arrived { record, station: records.decoder().station() });
             }

@@ -2,6 +2,7 @@
 
 mod clock;
 mod directions;
+mod events;
 mod navigation;
 mod signals;
 mod steps;
@@ -20,6 +21,7 @@ use serde::Serialize;
 
 pub use clock::{ClockJump, ClockJumps};
 pub use directions::DirectionReport;
+pub use events::{EventReport, Events};
 pub use navigation::{MessageReport, NavigationInspection, inspect_navigation};
 pub use signals::{ConstellationReport, SignalReport, Spread};
 pub use steps::{Gap, Gaps};
@@ -55,6 +57,8 @@ pub struct Inspection {
     pub gaps: Gaps,
     /// Epochs flagged as the first after a power failure.
     pub power_failures: u64,
+    /// What is told between the epochs.
+    pub events: Events,
     /// Satellites per epoch.
     pub satellites_per_epoch: Option<Spread>,
     /// What was observed.
@@ -140,6 +144,9 @@ pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Ins
     let mut tally = Tally::default();
     let mut navigation = OwnNavigation::default();
     while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
+        if let Record::Event(event) = &record {
+            tally.events.add(event, tally.span.map(|(_, last)| last));
+        }
         if let Some(epoch) = navigation.take(record) {
             tally.epoch(&epoch);
         }
@@ -188,6 +195,7 @@ struct Tally {
     epochs: u64,
     span: Option<(GpsTime, GpsTime)>,
     power_failures: u64,
+    events: Events,
     satellites: signals::Sum,
     steps: steps::Steps,
     signals: signals::Signals,
@@ -224,6 +232,7 @@ impl Tally {
             interval_s,
             gaps,
             power_failures: self.power_failures,
+            events: self.events,
             satellites_per_epoch: self.satellites.spread(),
             duty_cycled: self.signals.duty_cycled(),
             masks: vec![

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{ConstellationReport, Inspection, SignalReport};
+use super::{ConstellationReport, EventReport, Inspection, SignalReport};
 
 impl fmt::Display for Inspection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -22,6 +22,7 @@ impl fmt::Display for Inspection {
             self.epochs, self.power_failures
         )?;
         self.gaps(f)?;
+        self.events(f)?;
         if let Some(spread) = self.satellites_per_epoch {
             let (low, mean, high) = (spread.minimum, spread.mean, spread.maximum);
             writeln!(f, "  satellites  {low:.0} to {high:.0} per epoch, {mean:.1} in the mean")?;
@@ -57,6 +58,20 @@ impl Inspection {
         Ok(())
     }
 
+    fn events(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.events.count == 0 {
+            return Ok(());
+        }
+        let kinds: Vec<_> =
+            self.events.by_kind.iter().map(|(kind, count)| format!("{count} × {kind}")).collect();
+        writeln!(f, "  events      {}", kinds.join(", "))?;
+        self.events
+            .first
+            .iter()
+            .take(3)
+            .try_for_each(|event| writeln!(f, "              {}", described(event)))
+    }
+
     fn signals(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
@@ -87,6 +102,20 @@ impl Inspection {
         }
         Ok(())
     }
+}
+
+fn described(event: &EventReport) -> String {
+    let when = match (&event.at_gps, &event.after_gps) {
+        (Some(at), _) => format!("at {at}"),
+        (None, Some(after)) => format!("after {after}"),
+        (None, None) => "before the first epoch".to_owned(),
+    };
+    let what = match (&event.first_line, event.slips) {
+        (Some(line), _) => format!(": '{line}'"),
+        (None, 0) => String::new(),
+        (None, slips) => format!(": {slips} phases"),
+    };
+    format!("{} {when}{what}", event.kind)
 }
 
 fn line(f: &mut fmt::Formatter<'_>, system: &ConstellationReport, signal: &SignalReport) -> fmt::Result {

@@ -12,6 +12,9 @@ pub struct LossOfLock {
     pub cycle_slip: bool,
     /// Bit 1: half-cycle ambiguity not resolved.
     pub half_cycle: bool,
+    /// Bit 2: noisier than usual, in RINEX 2 for anti-spoofing, in RINEX 3 and 4 for tracking the BOC part alone of an
+    /// MBOC-modulated signal. For information.
+    pub noisier: bool,
 }
 
 /// One satellite's observations on one signal. A value that was not recorded is `None`.

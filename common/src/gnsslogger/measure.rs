@@ -106,6 +106,7 @@ pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Opt
         observation.loss_of_lock = LossOfLock {
             cycle_slip: set(range_state::RESET) || set(range_state::CYCLE_SLIP),
             half_cycle: set(range_state::HALF_CYCLE_REPORTED) && !set(range_state::HALF_CYCLE_RESOLVED),
+            ..LossOfLock::default()
         };
     }
     let uncertainty = line.rate_uncertainty_mps.unwrap_or(0.0);

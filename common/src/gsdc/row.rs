@@ -270,6 +270,7 @@ fn delta_range_state(fields: &Fields<'_>) -> DeltaRangeState {
         loss_of_lock: LossOfLock {
             cycle_slip: valid && bits & (2 | 4) != 0,
             half_cycle: valid && bits & 16 != 0 && bits & 8 == 0,
+            ..LossOfLock::default()
         },
     }
 }

@@ -9,6 +9,7 @@
 use std::collections::BTreeMap;
 
 use super::differences::{Arc, change_text};
+use super::pending::is_comment;
 use super::{columns, epoch_2, epoch_3, integer, shorten};
 use crate::skips::Skips;
 
@@ -111,16 +112,16 @@ impl Hatanaka {
     ) {
         let restarts = line.first() == Some(&self.form.restart());
         match self.expected {
-            Expected::Event(remaining) => {
+            Expected::Event(remaining) if !restarts || is_comment(line) => {
                 push_line(out, line);
                 self.expected = if remaining > 1 { Expected::Event(remaining - 1) } else { Expected::Epoch };
             }
-            // Version 3 reserves lines that begin so.
+            // Version 3 reserves lines that begin with this.
             Expected::Epoch if self.form == Form::Three && line.first() == Some(&b'&') => {
                 skips.add("Hatanaka escape line", || format!("line {number}: '{}'", shorten(line)));
             }
-            Expected::Epoch => self.epoch(number, line, out, skips),
-            _ if restarts => self.epoch(number, line, out, skips),
+            Expected::Epoch => self.epoch((number, line), types, out, skips),
+            _ if restarts => self.epoch((number, line), types, out, skips),
             // The receiver clock's offset is not used.
             Expected::Clock => {
                 self.put_epoch(out);
@@ -132,7 +133,7 @@ impl Hatanaka {
                 }
                 self.expected = self.satellite_after(Some(index));
             }
-            Expected::Restart => {
+            Expected::Event(_) | Expected::Restart => {
                 skips.add("Hatanaka line in a part that cannot be restored", || {
                     format!("line {number}: '{}'", shorten(line))
                 });
@@ -149,7 +150,13 @@ impl Hatanaka {
         Expected::Epoch
     }
 
-    fn epoch(&mut self, number: u64, line: &[u8], out: &mut Vec<u8>, skips: &mut Skips) {
+    fn epoch(
+        &mut self,
+        (number, line): (u64, &[u8]),
+        types: impl Fn([u8; 3]) -> usize,
+        out: &mut Vec<u8>,
+        skips: &mut Skips,
+    ) {
         let restarts = line.first() == Some(&self.form.restart());
         let mut text = if restarts { line.to_vec() } else { self.epoch.clone() };
         if !restarts {
@@ -175,9 +182,14 @@ impl Hatanaka {
                 self.epoch = text;
                 self.expected = Expected::Clock;
             }
-            (Some(b'2'..=b'6'), Some(count)) if restarts => {
+            (Some(flag @ b'2'..=b'6'), Some(count)) if restarts => {
                 push_line(out, &text);
                 self.epoch.clear();
+                // Records of cycle slips have lines like an epoch's, which in RINEX 2 are more than the satellites.
+                let count = match (flag, self.form) {
+                    (b'6', Form::One) => epoch_2::lines_of_epoch(count, types([b' '; 3])),
+                    _ => count,
+                };
                 self.expected = if count > 0 { Expected::Event(count) } else { Expected::Epoch };
             }
             _ => {

@@ -52,6 +52,8 @@ impl ObservationHeader {
 #[derive(Clone, Debug, Default)]
 pub(super) struct HeaderBuilder {
     header: ObservationHeader,
+    /// The first header of the file, when it was complete.
+    first: Option<Box<ObservationHeader>>,
     version: Version,
     types_2: TypeList,
     /// Times are in UTC and the header does not give the leap seconds.
@@ -88,9 +90,29 @@ impl HeaderBuilder {
         self.unread_time.take()
     }
 
+    /// At the beginning of another header. GLONASS keeps its channels.
+    pub(super) fn again(self) -> Self {
+        let glonass_channels = self.header.glonass_channels;
+        let header = ObservationHeader { glonass_channels, ..ObservationHeader::default() };
+        Self { header, first: self.first, ..Self::default() }
+    }
+
+    /// The first header of the file, when it was complete.
+    pub(super) const fn first(&self) -> Option<&ObservationHeader> {
+        match &self.first {
+            Some(first) => Some(first),
+            None => None,
+        }
+    }
+
     /// The header so far.
     pub(super) const fn header(&self) -> &ObservationHeader {
         &self.header
+    }
+
+    /// The header.
+    pub(super) fn into_header(self) -> ObservationHeader {
+        self.header
     }
 
     /// Whether it is a RINEX 2 file.
@@ -137,6 +159,14 @@ impl HeaderBuilder {
         Ok(label == b"END OF HEADER")
     }
 
+    /// Takes a line of an event. The time system is the file's and does not change.
+    pub(super) fn line_between_epochs(&mut self, number: u64, line: &[u8]) -> Result<(), RinexError> {
+        if columns(line, 60, 80).trim_ascii() == b"TIME OF FIRST OBS" {
+            return Ok(());
+        }
+        self.line(number, line).map(|_| ())
+    }
+
     /// Takes a line of any label; the error is the label of one that is needed and cannot be read.
     fn record(&mut self, line: &[u8], label: &[u8]) -> Result<(), &'static str> {
         match label {
@@ -181,6 +211,7 @@ impl HeaderBuilder {
             other => return Err(RinexError::TimeSystem { found: other.to_owned() }),
         };
         self.header.first_observation = self.first_observation_own.map(|time| self.to_gps(time));
+        self.first.get_or_insert_with(|| Box::new(self.header.clone()));
         Ok(())
     }
 

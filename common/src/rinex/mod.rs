@@ -19,8 +19,10 @@ mod navigation_decoder;
 mod navigation_header;
 mod navigation_record;
 mod observation;
+mod observation_file;
 mod observation_record;
 mod order;
+mod pending;
 mod stream;
 mod types;
 mod types_2;
@@ -36,7 +38,8 @@ pub use line_assembly::MAX_LINE_BYTES;
 pub use navigation::NavigationFile;
 pub use navigation_decoder::NavigationDecoder;
 pub use navigation_header::IonosphereTerms;
-pub use observation::{ObservationDecoder, ObservationFile};
+pub use observation::ObservationDecoder;
+pub use observation_file::ObservationFile;
 pub use types::{ObservationKind, ObservationType};
 pub use writer::{
     ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, navigation_header, navigation_record,
@@ -124,10 +127,13 @@ pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = (u64, &[u8])> {
     })
 }
 
-/// Removes LF and CR from the end.
+/// Removes LF and CR from the end; files that were turned to DOS line ends twice have more than one CR.
 pub(crate) fn trim_end(line: &[u8]) -> &[u8] {
-    let line = line.strip_suffix(b"\n").unwrap_or(line);
-    line.strip_suffix(b"\r").unwrap_or(line)
+    let mut line = line.strip_suffix(b"\n").unwrap_or(line);
+    while let Some(shorter) = line.strip_suffix(b"\r") {
+        line = shorter;
+    }
+    line
 }
 
 /// Columns `from..to` of a line, as much of them as there is.

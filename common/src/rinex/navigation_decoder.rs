@@ -19,6 +19,8 @@ use crate::time::GpsTime;
 pub struct NavigationDecoder {
     header: NavigationHeader,
     in_records: bool,
+    /// Whether there were records: in a file that is joined to another, a header may come again.
+    has_begun: bool,
     kind: Kind,
     record: Option<Record>,
     skips: Skips,
@@ -67,10 +69,16 @@ impl NavigationDecoder {
         let line = trim_end(line);
         if !self.in_records {
             self.in_records = self.header.line(number, line)?;
+            self.has_begun |= self.in_records;
             return Ok(None);
         }
         if line.iter().all(|b| *b == b' ') {
             return Ok(None);
+        }
+        if line.get(60..).is_some_and(|label| label.starts_with(b"RINEX VERSION / TYPE")) {
+            let found = self.record_done();
+            self.begin_again(number, line);
+            return Ok(found);
         }
         if self.continues(line) {
             match &mut self.record {
@@ -87,9 +95,26 @@ impl NavigationDecoder {
         Ok(found)
     }
 
+    /// A file that is joined to the one before has a header of its own.
+    fn begin_again(&mut self, number: u64, line: &[u8]) {
+        self.skips.add("another header, which holds from there on", || {
+            format!("line {number}: '{}'", shorten(line))
+        });
+        match self.header.begin_again(number, line) {
+            Ok(()) => {
+                self.in_records = false;
+                self.kind = Kind::Ephemeris;
+            }
+            Err(error) => {
+                self.skips.add("another header cannot be used, nor what follows it", || error.to_string());
+                self.kind = Kind::Unused("record after a header that cannot be used");
+            }
+        }
+    }
+
     /// The input has ended: the last record.
     pub(super) fn end(&mut self) -> Result<Option<Found>, RinexError> {
-        if !self.in_records {
+        if !self.in_records && !self.has_begun {
             return Err(RinexError::HeaderIncomplete { lines: self.header.lines });
         }
         Ok(self.record_done())

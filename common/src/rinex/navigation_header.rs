@@ -16,6 +16,9 @@ pub struct IonosphereTerms {
     pub galileo: Option<[f64; 3]>,
 }
 
+/// Which files these are, for messages.
+const NAVIGATION: &str = "navigation";
+
 /// What the header gives, and the ionosphere records of RINEX 4.
 #[derive(Clone, Debug, Default)]
 pub(super) struct NavigationHeader {
@@ -37,7 +40,7 @@ impl NavigationHeader {
     pub(super) fn line(&mut self, number: u64, line: &[u8]) -> Result<bool, RinexError> {
         self.lines += 1;
         if self.lines == 1 {
-            self.version = Version::read(number, line, b"NGHE", "navigation")?;
+            self.version = Version::read(number, line, b"NGHE", NAVIGATION)?;
             return Ok(false);
         }
         match columns(line, 60, 80).trim_ascii() {
@@ -49,6 +52,12 @@ impl NavigationHeader {
             _ => {}
         }
         Ok(false)
+    }
+
+    /// Takes the first line of another header. Ionosphere terms stay: of several the first count.
+    pub(super) fn begin_again(&mut self, number: u64, line: &[u8]) -> Result<(), RinexError> {
+        self.version = Version::read(number, line, b"NGHE", NAVIGATION)?;
+        Ok(())
     }
 
     /// Takes an ionosphere line of RINEX 3; of several for one system the first counts.

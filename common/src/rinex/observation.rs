@@ -5,12 +5,15 @@ use super::epoch_3;
 use super::hatanaka::{Form, Hatanaka};
 use super::header::{HeaderBuilder, ObservationHeader};
 use super::line_assembly::Line;
-use super::observation_record::{Layouts, Seen};
+use super::observation_record::Layouts;
 use super::order::Order;
+use super::pending::{Content, PendingEpoch, PendingEvent, event_time, is_comment};
 use super::stream::Stream;
-use super::{RinexError, columns, decompress, integer, lines, shorten, trim_end};
-use crate::gnss::{EpochFlag, ObservationEpoch};
+use super::{RinexError, columns, integer, lines, shorten, trim_end};
+use crate::decode::Record;
+use crate::gnss::{EpochFlag, EventKind};
 use crate::skips::Skips;
+use crate::time::GpsTime;
 
 /// Room set aside for an epoch's observations is at most this: one that lies about its size must not cost the others.
 const MOST_ROOM: usize = 512;
@@ -20,12 +23,15 @@ const MOST_ROOM: usize = 512;
 ///
 /// ```
 /// use cofix_common::rinex::ObservationDecoder;
+/// use cofix_common::decode::Record;
 /// let mut decoder = ObservationDecoder::default();
 /// # let text = b"     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE\n";
 /// for (number, line) in (1..).zip(text.split(|b| *b == b'\n')) {
-///     if let Some(epoch) = decoder.line(number, line)? {
-///         println!("{} with {} observations", epoch.time_gps, epoch.observations.len());
-///     }
+///     decoder.line(number, line, &mut |record| {
+///         if let Record::Epoch(epoch) = record {
+///             println!("{} with {} observations", epoch.time_gps, epoch.observations.len());
+///         }
+///     })?;
 /// }
 /// # Ok::<(), cofix_common::rinex::RinexError>(())
 /// ```
@@ -51,68 +57,48 @@ enum State {
     Header,
     /// An epoch line.
     Between,
-    /// A satellite of the epoch.
-    Epoch(Pending),
-    /// Records of an event, or of an epoch that is not wanted; up to `remaining` of them.
-    Skip { remaining: usize, header_lines: bool },
+    /// A satellite of the epoch, or of the record of cycle slips.
+    Epoch(PendingEpoch),
+    /// A line of the event.
+    Event(PendingEvent),
+    /// Lines of an epoch that is not wanted; up to so many.
+    Skip(usize),
     /// Anything up to the next epoch line.
     Lost,
 }
 
-/// An epoch whose satellites are still coming.
-#[derive(Clone, Debug)]
-struct Pending {
-    epoch: ObservationEpoch,
-    line: u64,
-    announced: usize,
-    remaining: usize,
-    seen: Seen,
-    /// RINEX 2: the satellites' list.
-    listed: Option<Box<Listed>>,
-}
-
-/// A whole observation file.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ObservationFile {
-    /// The header.
-    pub header: ObservationHeader,
-    /// Epochs, in time order.
-    pub epochs: Vec<ObservationEpoch>,
-    /// What was skipped.
-    pub skips: Skips,
-}
-
-impl ObservationFile {
-    /// Reads a whole file, plain or compressed (.gz, .Z).
-    ///
-    /// # Errors
-    /// When the compression is damaged or the header cannot be used; damage further on is counted in
-    /// [`ObservationFile::skips`].
-    pub fn parse(bytes: &[u8]) -> Result<Self, RinexError> {
-        let bytes = decompress(bytes)?;
-        let mut decoder = ObservationDecoder::default();
-        let mut epochs = Vec::new();
-        decoder.whole(&bytes, |epoch| epochs.push(epoch))?;
-        decoder.finish()?;
-        Ok(Self { header: decoder.builder.header().clone(), epochs, skips: decoder.skips })
-    }
-}
+/// Takes what a line completes.
+type Take<'a> = &'a mut dyn FnMut(Record);
 
 impl ObservationDecoder {
-    /// Takes a line (with or without its line end) and gives the epoch that it completes, if any. An epoch is
-    /// complete with its last announced satellite; one that is cut short by the next epoch line is given then.
+    /// Takes a line (with or without its line end) and hands over what it completes: epochs, and events between them.
+    /// They are complete with their last announced line; one that is cut short by the next epoch line is given then.
     ///
     /// # Errors
     /// Only in the header: when it is not that of an observation file, or cannot be used.
-    pub fn line(&mut self, number: u64, line: &[u8]) -> Result<Option<ObservationEpoch>, RinexError> {
+    pub fn line(&mut self, number: u64, line: &[u8], take: Take<'_>) -> Result<(), RinexError> {
         let line = trim_end(line);
+        if begins_file(line) && !matches!(self.state, State::Header | State::Event(_)) {
+            self.begin_again(number, line, take);
+        }
         if matches!(self.state, State::Header) && self.builder.lines() == 0 && self.compact_header(line)? {
-            return Ok(None);
+            return Ok(());
         }
         if self.hatanaka.is_none() || matches!(self.state, State::Header) {
-            return self.plain_line(number, line);
+            return self.plain_line(number, line, take);
         }
-        self.compact_line(number, line)
+        self.compact_line(number, line, take)
+    }
+
+    /// A file that is joined to the one before has a header of its own, which holds from there on.
+    fn begin_again(&mut self, number: u64, line: &[u8], take: Take<'_>) {
+        self.cut_short(take);
+        self.skips.add("another header, which holds from there on", || {
+            format!("line {number}: '{}'", shorten(line))
+        });
+        self.builder = std::mem::take(&mut self.builder).again();
+        self.hatanaka = None;
+        self.state = State::Header;
     }
 
     /// The two lines that Compact RINEX puts before the header.
@@ -129,60 +115,97 @@ impl ObservationDecoder {
         Ok(true)
     }
 
-    fn compact_line(&mut self, number: u64, line: &[u8]) -> Result<Option<ObservationEpoch>, RinexError> {
+    fn compact_line(&mut self, number: u64, line: &[u8], take: Take<'_>) -> Result<(), RinexError> {
         let mut restored = std::mem::take(&mut self.restored);
         restored.clear();
         if let Some(hatanaka) = &mut self.hatanaka {
             let builder = &self.builder;
             hatanaka.line((number, line), |id| builder.types_of(id), &mut restored, &mut self.skips);
         }
-        let mut complete = None;
         for (_, line) in lines(&restored) {
-            complete = complete.or(self.plain_line(number, line)?);
+            self.plain_line(number, line, take)?;
         }
         self.restored = restored;
-        Ok(complete)
+        Ok(())
     }
 
-    fn plain_line(&mut self, number: u64, line: &[u8]) -> Result<Option<ObservationEpoch>, RinexError> {
+    fn plain_line(&mut self, number: u64, line: &[u8], take: Take<'_>) -> Result<(), RinexError> {
         if matches!(self.state, State::Header) {
-            if self.builder.line(number, line)? {
-                self.builder.complete()?;
-                if let Some(text) = self.builder.unread_time() {
-                    self.skips
-                        .add("header's time of the first observation cannot be read, not used", || text);
-                }
-                self.layouts = Layouts::new(self.builder.header());
-                self.state = State::Between;
+            return self.line_of_header(number, line);
+        }
+        let in_event = matches!(self.state, State::Event(_));
+        if is_comment(line) {
+            // A comment may quote anything, but it belongs to an event.
+            if in_event {
+                self.record(number, line, take);
+            } else {
+                self.skips.add("comment outside any event", || format!("line {number}: '{}'", shorten(line)));
             }
-            return Ok(None);
+        } else if self.is_epoch_line(line, in_event) {
+            self.cut_short(take);
+            self.state = self.begin(number, line, take);
+        } else {
+            self.record(number, line, take);
         }
-        if self.is_epoch_line(line) {
-            let short = self.cut_short();
-            self.state = self.begin(number, line);
-            return Ok(short);
-        }
-        Ok(self.record(number, line))
+        Ok(())
     }
 
-    /// Says that the input has ended. An epoch that is not complete is dropped and counted, because its last
+    /// Of the first header an error is that of the file; of another it costs what follows.
+    fn line_of_header(&mut self, number: u64, line: &[u8]) -> Result<(), RinexError> {
+        match self.take_line_of_header(number, line) {
+            Err(error) if self.builder.first().is_some() => {
+                self.skips.add("another header cannot be used, nor what follows it", || error.to_string());
+                self.state = State::Lost;
+                Ok(())
+            }
+            result => result,
+        }
+    }
+
+    fn take_line_of_header(&mut self, number: u64, line: &[u8]) -> Result<(), RinexError> {
+        if self.builder.line(number, line)? {
+            self.builder.complete()?;
+            if let Some(text) = self.builder.unread_time() {
+                self.skips.add("header's time of the first observation cannot be read, not used", || text);
+            }
+            self.layouts = Layouts::new(self.builder.header());
+            self.state = State::Between;
+        }
+        Ok(())
+    }
+
+    /// Says that the input has ended. An epoch or event that is not complete is dropped and counted, because its last
     /// line may be cut.
     ///
     /// # Errors
     /// When the header was not complete.
     pub fn finish(&mut self) -> Result<(), RinexError> {
         match std::mem::replace(&mut self.state, State::Between) {
+            State::Header if self.builder.first().is_some() => {
+                self.skips.add("another header is cut off", || format!("{} lines", self.builder.lines()));
+            }
             State::Header => {
                 self.state = State::Header;
                 return Err(RinexError::HeaderIncomplete { lines: self.builder.lines() });
             }
             State::Epoch(pending) => self.skips.add("last epoch is cut off", || pending.shortage()),
-            State::Between | State::Skip { .. } | State::Lost => {}
+            State::Event(pending) => self.skips.add("last event is cut off", || pending.shortage()),
+            State::Between | State::Skip(_) | State::Lost => {}
         }
         Ok(())
     }
 
-    /// The header, once complete.
+    /// Header and skips.
+    pub(super) fn into_parts(self) -> (ObservationHeader, Skips) {
+        (self.builder.into_header(), self.skips)
+    }
+
+    /// The header as the file began, once complete.
+    pub const fn first_header(&self) -> Option<&ObservationHeader> {
+        self.builder.first()
+    }
+
+    /// The header with what events changed in it, once complete.
     pub const fn header(&self) -> Option<&ObservationHeader> {
         match self.state {
             State::Header => None,
@@ -200,52 +223,54 @@ impl ObservationDecoder {
         line.kept(&mut self.skips)
     }
 
-    /// The unfinished epoch that an epoch line ends.
-    fn cut_short(&mut self) -> Option<ObservationEpoch> {
-        let State::Epoch(pending) = std::mem::take(&mut self.state) else { return None };
-        self.skips.add("epoch has fewer satellites than announced", || pending.shortage());
-        Some(pending.epoch)
-    }
-
-    fn is_epoch_line(&self, line: &[u8]) -> bool {
-        if !self.builder.is_2() {
-            return line.first() == Some(&b'>');
+    /// Gives the unfinished epoch or event that an epoch line ends.
+    fn cut_short(&mut self, take: Take<'_>) {
+        match std::mem::replace(&mut self.state, State::Between) {
+            State::Epoch(pending) => {
+                self.skips.add("epoch has fewer satellites than announced", || pending.shortage());
+                take(pending.done(&mut self.skips));
+            }
+            State::Event(pending) => {
+                self.skips.add("event has fewer lines than announced", || pending.shortage());
+                take(pending.done());
+            }
+            State::Header | State::Between | State::Skip(_) | State::Lost => {}
         }
-        // The lines of an event of RINEX 2 are text of any shape; their count is all there is to go by.
-        !matches!(self.state, State::Skip { header_lines: true, .. }) && epoch_2::is_epoch_line(line)
     }
 
-    fn record(&mut self, number: u64, line: &[u8]) -> Option<ObservationEpoch> {
+    /// In an event of RINEX 2, whose lines are text of any shape, only a line with a time is taken for the next epoch's.
+    fn is_epoch_line(&self, line: &[u8], in_event: bool) -> bool {
+        if self.builder.is_2() {
+            return epoch_2::is_epoch_line(line) && !(in_event && epoch_2::epoch_time(line).is_none());
+        }
+        line.first() == Some(&b'>')
+    }
+
+    fn record(&mut self, number: u64, line: &[u8], take: Take<'_>) {
         match &mut self.state {
             State::Epoch(pending) => {
-                let into = (&mut pending.seen, &mut pending.epoch.observations);
-                match &mut pending.listed {
-                    None => self.layouts.decode((number, line), into, &mut self.skips),
-                    Some(listed) => {
-                        if !listed.line(line, self.builder.default_letter()) {
-                            return None;
-                        }
-                        let (id, values) = listed.satellite();
-                        self.layouts.decode_values(number, id, values, into, &mut self.skips);
+                let default = self.builder.default_letter();
+                if !pending.take((number, line), &self.layouts, default, &mut self.skips) {
+                    return;
+                }
+                if let State::Epoch(done) = std::mem::replace(&mut self.state, State::Between) {
+                    let record = done.done(&mut self.skips);
+                    if let Record::Epoch(epoch) = &record {
+                        self.usual_size = epoch.observations.len();
                     }
+                    take(record);
                 }
-                pending.remaining -= 1;
-                if pending.remaining > 0 {
-                    return None;
-                }
-                let State::Epoch(done) = std::mem::replace(&mut self.state, State::Between) else {
-                    return None;
-                };
-                self.usual_size = done.epoch.observations.len();
-                return Some(done.epoch);
             }
-            State::Skip { remaining, header_lines } => {
-                *remaining -= 1;
-                let (ended, header_lines) = (*remaining == 0, *header_lines);
-                if header_lines {
-                    self.header_line(number, line);
+            State::Event(pending) => {
+                let is_last = pending.take(number, line, &mut self.skips);
+                self.header_line(number, line);
+                if is_last && let State::Event(done) = std::mem::replace(&mut self.state, State::Between) {
+                    take(done.done());
                 }
-                if ended {
+            }
+            State::Skip(remaining) => {
+                *remaining -= 1;
+                if *remaining == 0 {
                     self.state = State::Between;
                 }
             }
@@ -254,40 +279,60 @@ impl ObservationDecoder {
             }
             State::Between | State::Header | State::Lost => {}
         }
-        None
     }
 
-    /// A header line between epochs (event 4): new observation types hold from here on.
+    /// A header line of an event: new observation types hold from here on.
     fn header_line(&mut self, number: u64, line: &[u8]) {
-        if let Err(error) = self.builder.line(number, line) {
+        if let Err(error) = self.builder.line_between_epochs(number, line) {
             self.skips.add("header line between epochs cannot be read", || error.to_string());
         }
         self.layouts = Layouts::new(self.builder.header());
     }
 
-    fn begin(&mut self, number: u64, line: &[u8]) -> State {
+    fn begin(&mut self, number: u64, line: &[u8], take: Take<'_>) -> State {
         let at = if self.builder.is_2() { 28 } else { 31 };
         let flag = columns(line, at, at + 1);
         let count = integer(columns(line, at + 1, at + 4)).and_then(|n| usize::try_from(n).ok());
-        let (Some(flag @ b'0'..=b'6'), Some(count)) = (flag.first(), count) else {
-            self.skips.add("epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
-            return State::Lost;
-        };
-        match flag {
-            b'0' => self.epoch(number, line, count, EpochFlag::Ok),
-            b'1' => self.epoch(number, line, count, EpochFlag::PowerFailure),
-            b'6' => {
-                self.skips.add("cycle slip records", || format!("line {number}: {count} satellites"));
-                skip(self.lines_of_epoch(count), false)
-            }
-            event => {
-                self.skips.add("event records", || {
-                    format!("line {number}: event {} with {count} lines", *event as char)
-                });
-                // RINEX 2 lists header lines after other events, too.
-                skip(count, *event == b'4' || self.builder.is_2())
+        let kind = flag.first().and_then(|digit| EventKind::from_flag(*digit));
+        match (flag, kind, count) {
+            (b"0", _, Some(count)) => self.epoch(number, line, count, EpochFlag::Ok),
+            (b"1", _, Some(count)) => self.epoch(number, line, count, EpochFlag::PowerFailure),
+            (_, Some(kind), Some(count)) => self.event((number, line), kind, count, take),
+            _ => {
+                self.skips.add("epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
+                State::Lost
             }
         }
+    }
+
+    fn event(
+        &mut self,
+        (number, line): (u64, &[u8]),
+        kind: EventKind,
+        count: usize,
+        take: Take<'_>,
+    ) -> State {
+        let name = || format!("line {number}: '{}'", shorten(line));
+        let time_gps = event_time(line, self.builder.is_2()).unwrap_or_else(|()| {
+            self.skips.add("time of an event cannot be read", name);
+            None
+        });
+        let time_gps = time_gps.map(|own| self.builder.to_gps(own));
+        if kind == EventKind::External && time_gps.is_none() {
+            self.skips.add("external event without a time, left out", name);
+            return skip(count);
+        }
+        if kind == EventKind::CycleSlips && count > 0 {
+            let listed = self.listed(line, count);
+            let content = Content::Slips(time_gps);
+            return State::Epoch(PendingEpoch::new(content, (number, count), listed, 0));
+        }
+        let event = PendingEvent::new(kind, time_gps, (number, count));
+        if event.is_complete() {
+            take(event.done());
+            return State::Between;
+        }
+        State::Event(event)
     }
 
     fn epoch(&mut self, number: u64, line: &[u8], announced: usize, flag: EpochFlag) -> State {
@@ -300,20 +345,24 @@ impl ObservationDecoder {
             self.skips.add("epoch without satellites", || format!("line {number}: {time_gps}"));
             return State::Between;
         }
-        let first = self.builder.header().first_observation;
-        if let Err((reason, before)) = self.order.check(time_gps, first) {
+        if let Err((reason, before)) = self.is_in_order(time_gps) {
             self.skips.add(reason, || format!("line {number}: {time_gps} after {before}"));
-            return skip(self.lines_of_epoch(announced), false);
+            return skip(self.lines_of_epoch(announced));
         }
-        let observations = Vec::with_capacity(self.usual_size.clamp(16, MOST_ROOM));
-        let epoch = ObservationEpoch { time_gps, flag, observations };
-        let types = self.builder.types_2();
-        let listed = self
-            .builder
-            .is_2()
-            .then(|| Box::new(Listed::new(line, announced, types, self.builder.default_letter())));
-        let seen = Seen::default();
-        State::Epoch(Pending { epoch, line: number, announced, remaining: announced, seen, listed })
+        let room = self.usual_size.clamp(16, MOST_ROOM);
+        let content = Content::Observations(time_gps, flag);
+        let listed = self.listed(line, announced);
+        State::Epoch(PendingEpoch::new(content, (number, announced), listed, room))
+    }
+
+    fn is_in_order(&mut self, time_gps: GpsTime) -> Result<(), (&'static str, GpsTime)> {
+        self.order.check(time_gps, self.builder.header().first_observation)
+    }
+
+    /// RINEX 2 lists the satellites in the epoch line.
+    fn listed(&self, line: &[u8], announced: usize) -> Option<Listed> {
+        let (types, default) = (self.builder.types_2(), self.builder.default_letter());
+        self.builder.is_2().then(|| Listed::new(line, announced, types, default))
     }
 
     /// Lines after the epoch line of that many satellites.
@@ -326,13 +375,12 @@ impl ObservationDecoder {
     }
 }
 
-impl Pending {
-    fn shortage(&self) -> String {
-        let got = self.announced - self.remaining;
-        format!("line {}: {}: {got} of {} satellites", self.line, self.epoch.time_gps, self.announced)
-    }
+/// Whether a line is the first of a file.
+fn begins_file(line: &[u8]) -> bool {
+    let label = line.get(60..).unwrap_or_default();
+    label.starts_with(b"RINEX VERSION / TYPE") || label.starts_with(b"CRINEX VERS ")
 }
 
-const fn skip(remaining: usize, header_lines: bool) -> State {
-    if remaining == 0 { State::Between } else { State::Skip { remaining, header_lines } }
+const fn skip(remaining: usize) -> State {
+    if remaining == 0 { State::Between } else { State::Skip(remaining) }
 }

@@ -135,7 +135,7 @@ const fn empty(satellite: SatelliteId, signal: SignalCode) -> Observation {
         carrier_phase_cycles: None,
         doppler_hz: None,
         cn0_dbhz: None,
-        loss_of_lock: LossOfLock { cycle_slip: false, half_cycle: false },
+        loss_of_lock: LossOfLock { cycle_slip: false, half_cycle: false, noisier: false },
     }
 }
 
@@ -225,13 +225,14 @@ impl Record<'_> {
         self.skips.add(reason, || format!("line {number}: {satellite} {signal} {kind:?} '{value}'"));
     }
 
-    /// Bits 0 and 1 of the loss-of-lock indicator. One that is no digit from 0 to 7 counts as a lost lock.
+    /// The bits of the loss-of-lock indicator. One that is no digit from 0 to 7 counts as a lost lock.
     fn loss_of_lock(&mut self, indicator: Option<&u8>, slot: &mut Observation) {
         match indicator {
             None | Some(b' ' | b'0') => {}
             Some(digit @ b'1'..=b'7') => {
                 slot.loss_of_lock.cycle_slip = digit & 1 != 0;
                 slot.loss_of_lock.half_cycle = digit & 2 != 0;
+                slot.loss_of_lock.noisier = digit & 4 != 0;
             }
             Some(other) => {
                 slot.loss_of_lock.cycle_slip = true;

@@ -6,7 +6,6 @@ use super::line_assembly::{Line, LineAssembly};
 use super::navigation_decoder::Found;
 use super::{NavigationDecoder, ObservationDecoder, RinexError};
 use crate::decode::{Decoder, Record, WrongStream};
-use crate::gnss::ObservationEpoch;
 use crate::skips::Skips;
 
 /// What a decoder needs to be one of a stream.
@@ -36,8 +35,8 @@ impl Stream {
 trait LineDecoder {
     fn stream(&mut self) -> &mut Stream;
 
-    /// Takes a line; a record when it completes one.
-    fn take_line(&mut self, line: Line<'_>) -> Result<Option<Record>, RinexError>;
+    /// Takes a line and adds the records that it completes.
+    fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<Record>) -> Result<(), RinexError>;
 
     /// There are no more lines; a record when their end completes one.
     fn end_of_lines(&mut self) -> Result<Option<Record>, RinexError>;
@@ -45,13 +44,13 @@ trait LineDecoder {
 
 fn feed(decoder: &mut impl LineDecoder, bytes: &[u8]) -> Result<(), WrongStream> {
     work(decoder, |decoder, Stream { assembly, ready, .. }| {
-        assembly.feed(bytes, |line| decoder.take_line(line).map(|record| ready.extend(record)))
+        assembly.feed(bytes, |line| decoder.take_line(line, ready))
     })
 }
 
 fn finish(decoder: &mut impl LineDecoder) -> Result<(), WrongStream> {
     work(decoder, |decoder, Stream { assembly, ready, .. }| {
-        assembly.finish(|line| decoder.take_line(line).map(|record| ready.extend(record)))?;
+        assembly.finish(|line| decoder.take_line(line, ready))?;
         decoder.end_of_lines().map(|record| ready.extend(record))
     })
 }
@@ -70,20 +69,16 @@ fn work<D: LineDecoder>(
 
 impl ObservationDecoder {
     /// Decodes a whole file.
-    pub(super) fn whole(
-        &mut self,
-        bytes: &[u8],
-        mut take: impl FnMut(ObservationEpoch),
-    ) -> Result<(), RinexError> {
+    pub(super) fn whole(&mut self, bytes: &[u8], take: &mut dyn FnMut(Record)) -> Result<(), RinexError> {
         let mut assembly = LineAssembly::default();
-        let mut line = |line: Line<'_>| self.take(line).map(|epoch| epoch.map_or((), &mut take));
+        let mut line = |line: Line<'_>| self.take(line, take);
         assembly.feed(bytes, &mut line)?;
         assembly.finish(&mut line)
     }
 
-    fn take(&mut self, line: Line<'_>) -> Result<Option<ObservationEpoch>, RinexError> {
+    fn take(&mut self, line: Line<'_>, take: &mut dyn FnMut(Record)) -> Result<(), RinexError> {
         let text = self.kept(line);
-        self.line(line.number, text)
+        self.line(line.number, text, take)
     }
 }
 
@@ -92,8 +87,8 @@ impl LineDecoder for ObservationDecoder {
         &mut self.stream
     }
 
-    fn take_line(&mut self, line: Line<'_>) -> Result<Option<Record>, RinexError> {
-        self.take(line).map(|epoch| epoch.map(Record::Epoch))
+    fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
+        self.take(line, &mut |record| ready.push_back(record))
     }
 
     fn end_of_lines(&mut self) -> Result<Option<Record>, RinexError> {
@@ -149,8 +144,8 @@ impl LineDecoder for NavigationDecoder {
         &mut self.stream
     }
 
-    fn take_line(&mut self, line: Line<'_>) -> Result<Option<Record>, RinexError> {
-        self.take(line).map(|found| found.map(Record::from))
+    fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
+        self.take(line).map(|found| ready.extend(found.map(Record::from)))
     }
 
     fn end_of_lines(&mut self) -> Result<Option<Record>, RinexError> {

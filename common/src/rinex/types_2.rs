@@ -84,13 +84,18 @@ impl TypeList {
 }
 
 /// The signal that RINEX 2.11 means by a band (table A1, with the usual reading for the systems that it does not name).
-/// GPS under anti-spoofing has W where RINEX 2 says P.
+/// GPS under anti-spoofing has W where RINEX 2 says P. RINEX 2.12 has letters for the civil codes: A is C/A on L1, B is L1C,
+/// C is L2C, D is GLONASS' C/A on L2.
 const fn signal(band: u8, precise: bool, constellation: Constellation) -> Option<SignalCode> {
     use Constellation::{Beidou, Galileo, Glonass, Gps, Qzss, Sbas};
     let (band, attribute) = match (constellation, band, precise) {
         (Gps, b'1' | b'2', true) => (band, b'W'),
         (Glonass, b'1' | b'2', true) => (band, b'P'),
         (Gps | Glonass | Qzss | Sbas, b'1', false) | (Glonass, b'2', false) => (band, b'C'),
+        (Gps | Glonass | Qzss | Sbas, b'A', false) => (b'1', b'C'),
+        (Gps | Qzss, b'B', false) => (b'1', b'X'),
+        (Gps | Qzss, b'C', false) => (b'2', b'X'),
+        (Glonass, b'D', false) => (b'2', b'C'),
         (Gps | Qzss, b'2', _)
         | (Gps | Qzss | Sbas, b'5', _)
         | (Galileo, b'1' | b'5' | b'6' | b'7' | b'8', _) => (band, b'X'),
@@ -129,6 +134,19 @@ mod tests {
         assert_eq!(codes("     2    C1    C5", Constellation::Glonass), ["Pseudorange 1C", "Other 5 "]);
         assert_eq!(codes("     2    P1    L1", Constellation::Gps), ["Pseudorange 1W", "CarrierPhase 1W"]);
         assert_eq!(codes("     2    C2    L2", Constellation::Gps), ["Pseudorange 2X", "CarrierPhase 2X"]);
+    }
+
+    #[test]
+    fn letters_of_version_2_12_are_civil_codes() {
+        let line = "     7    P1    CA    LA    CB    CC    SC    CD";
+        let gps = ["Pseudorange 1W", "Pseudorange 1C", "CarrierPhase 1C", "Pseudorange 1X", "Pseudorange 2X"];
+        assert_eq!(codes(line, Constellation::Gps)[..5], gps);
+        assert_eq!(codes(line, Constellation::Gps)[5], "SignalStrength 2X");
+        assert!(codes(line, Constellation::Gps)[6].starts_with("Other"));
+        let glonass = codes(line, Constellation::Glonass);
+        assert_eq!(glonass[1..3], ["Pseudorange 1C", "CarrierPhase 1C"]);
+        assert!(glonass[3].starts_with("Other"));
+        assert_eq!(glonass[6], "Pseudorange 2C");
     }
 
     #[test]

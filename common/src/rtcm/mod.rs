@@ -240,6 +240,7 @@ impl RtcmDecoder {
         let loss_of_lock = LossOfLock {
             cycle_slip: self.locks.lost((satellite, signal), time, cell.lock, has_phase),
             half_cycle: cell.half_cycle && has_phase,
+            ..LossOfLock::default()
         };
         let observation = Observation {
             satellite,

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use cofix_common::decode::Record;
 use cofix_common::frames::Direction;
-use cofix_common::gnss::{Observation, ObservationEpoch, SatelliteId};
+use cofix_common::gnss::{CycleSlip, Event, EventKind, Observation, ObservationEpoch, SatelliteId};
 use cofix_common::gnsslogger::{Fix, SignalStatus};
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, SatelliteState};
 use cofix_common::rinex::Packing;
@@ -32,6 +32,12 @@ pub(crate) fn records(records: &[Record], bytes: usize) {
             }
             Record::Ephemeris(ephemeris) => kepler(ephemeris),
             Record::Glonass(ephemeris) => glonass(ephemeris),
+            Record::Event(event) => {
+                let lines = event.lines.iter().map(|line| size_of::<String>() + line.capacity());
+                memory += size_of::<Event>() + lines.sum::<usize>();
+                memory += event.slips.capacity() * size_of::<CycleSlip>();
+                self::event(event);
+            }
         }
     }
     let limit = MEMORY_AT_LEAST + MEMORY_PER_BYTE * bytes;
@@ -58,7 +64,24 @@ pub(crate) fn in_bounds(records: &[Record], pseudorange_m: &RangeInclusive<f64>)
 pub(crate) fn epoch(record: &Record) -> Option<&ObservationEpoch> {
     match record {
         Record::Epoch(epoch) => Some(epoch),
-        Record::Ephemeris(_) | Record::Glonass(_) => None,
+        Record::Ephemeris(_) | Record::Glonass(_) | Record::Event(_) => None,
+    }
+}
+
+/// Events have no more than a file can tell of them.
+fn event(event: &Event) {
+    assert!(
+        event.lines.len() <= 999 && event.lines.iter().all(|line| line.chars().count() <= 80),
+        "{event:?}"
+    );
+    assert!(event.kind != EventKind::External || event.time_gps.is_some(), "{event:?}");
+    assert!(
+        event.slips.is_empty() || (event.kind == EventKind::CycleSlips && event.lines.is_empty()),
+        "{event:?}"
+    );
+    for slip in &event.slips {
+        numbered(slip.satellite);
+        assert!(slip.slip_cycles.is_finite() && slip.slip_cycles != 0.0, "{event:?}");
     }
 }
 

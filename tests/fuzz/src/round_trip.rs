@@ -1,11 +1,12 @@
 //! What is written reads back as it was.
 
 use cofix_common::decode::Record;
-use cofix_common::gnss::{Observation, ObservationEpoch};
+use cofix_common::gnss::{CycleSlip, Event, Observation, ObservationEpoch};
 use cofix_common::rinex::{
     IonosphereTerms, NavigationFile, ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo,
     glonass_record, navigation_header, navigation_record,
 };
+use cofix_common::time::GpsTime;
 
 use crate::checks;
 
@@ -16,62 +17,94 @@ const MIN_STEP_S: f64 = 1e-6;
 /// Half of the last digit that is written.
 const HALF_DIGIT: f64 = 0.000_5;
 
-/// Epochs written as RINEX: the same to the digits of the format, and exactly the same when written again.
+/// Epochs and events written as RINEX: the same to the digits of the format, and exactly the same when written again.
 pub(crate) fn observations(records: &[Record]) {
-    let epochs: Vec<ObservationEpoch> =
-        records.iter().filter_map(checks::epoch).filter(|epoch| has_any(epoch)).cloned().collect();
-    if epochs.is_empty() || !is_in_steps(&epochs) {
+    let records: Vec<Record> = records.iter().filter(|record| has_any(record)).cloned().collect();
+    if !is_written(&records) {
         return;
     }
-    let (text, left_out) = written(&epochs);
+    let (text, left_out) = written(&records);
     let mut again = read(&text);
     if left_out == 0 {
-        assert_eq!(again.len(), epochs.len(), "{text}");
-        for (epoch, before) in again.iter().zip(&epochs) {
-            alike(epoch, before);
+        assert_eq!(again.len(), records.len(), "{text}");
+        for pair in again.iter().zip(&records) {
+            match pair {
+                (Record::Epoch(epoch), Record::Epoch(before)) => alike(epoch, before),
+                (Record::Event(event), Record::Event(before)) => same_event(event, before),
+                _ => assert_eq!(pair.0, pair.1),
+            }
         }
     }
     // Of an epoch all values may have rounded to zero.
     again.retain(has_any);
-    if !again.is_empty() && is_in_steps(&again) {
+    if is_written(&again) {
         let (second, left_out) = written(&again);
         assert_eq!((left_out, read(&second)), (0, again), "{text}");
     }
 }
 
-fn has_any(epoch: &ObservationEpoch) -> bool {
-    !epoch.observations.is_empty()
+fn has_any(record: &Record) -> bool {
+    match record {
+        Record::Epoch(epoch) => !epoch.observations.is_empty(),
+        Record::Event(_) => true,
+        Record::Ephemeris(_) | Record::Glonass(_) => false,
+    }
 }
 
-/// Whether the times can be told apart in a file, and are believed.
-fn is_in_steps(epochs: &[ObservationEpoch]) -> bool {
-    let mut steps = epochs.iter().zip(epochs.iter().skip(1)).map(|(a, b)| b.time_gps - a.time_gps);
-    steps.all(|step_s| (MIN_STEP_S..=MAX_STEP_S).contains(&step_s))
+/// Whether there are epochs, whose times can be told apart in a file, and are believed.
+fn is_written(records: &[Record]) -> bool {
+    let times: Vec<_> = records.iter().filter_map(checks::epoch).map(|epoch| epoch.time_gps).collect();
+    let mut steps = times.iter().zip(times.iter().skip(1)).map(|(a, b)| *b - *a);
+    !times.is_empty() && steps.all(|step_s| (MIN_STEP_S..=MAX_STEP_S).contains(&step_s))
 }
 
-fn written(epochs: &[ObservationEpoch]) -> (String, u64) {
+fn written(records: &[Record]) -> (String, u64) {
     let mut layout = ObservationLayout::default();
-    for epoch in epochs {
-        layout.include(epoch);
+    for record in records {
+        match record {
+            Record::Epoch(epoch) => layout.include(epoch),
+            Record::Event(event) => layout.include_event(event),
+            Record::Ephemeris(_) | Record::Glonass(_) => {}
+        }
     }
     let mut writer = ObservationWriter::new(layout);
     let header = writer.header(&RecordingInfo::default());
-    let body: String = epochs.iter().map(|epoch| writer.epoch(epoch)).collect();
+    let body: String = records
+        .iter()
+        .map(|record| match record {
+            Record::Epoch(epoch) => writer.epoch(epoch),
+            Record::Event(event) => writer.event(event),
+            Record::Ephemeris(_) | Record::Glonass(_) => String::new(),
+        })
+        .collect();
     (header + &body, writer.skips().total())
 }
 
-fn read(text: &str) -> Vec<ObservationEpoch> {
+fn read(text: &str) -> Vec<Record> {
     match ObservationFile::parse(text.as_bytes()) {
         Ok(file) => {
             let odd: Vec<_> = file.skips.iter().collect();
             assert!(odd.is_empty(), "{odd:?} in\n{text}");
-            file.epochs
+            file.into_records()
         }
         Err(error) => unreadable(&error.to_string(), text),
     }
 }
 
-fn unreadable(error: &str, text: &str) -> Vec<ObservationEpoch> {
+fn same_event(event: &Event, before: &Event) {
+    let apart = |(a, b): (GpsTime, GpsTime)| (a - b).abs() < MIN_STEP_S;
+    assert_eq!(event.time_gps.is_some(), before.time_gps.is_some(), "{event:?} was {before:?}");
+    assert!(event.time_gps.zip(before.time_gps).is_none_or(apart), "{event:?} was {before:?}");
+    assert_eq!((event.kind, &event.lines), (before.kind, &before.lines));
+    assert_eq!(event.slips.len(), before.slips.len(), "{event:?} was {before:?}");
+    for slip in &before.slips {
+        let name = |s: &&CycleSlip| (s.satellite, s.signal) == (slip.satellite, slip.signal);
+        let other = event.slips.iter().find(name).map(|other| other.slip_cycles);
+        assert!(close(other, Some(slip.slip_cycles)), "{event:?} was {before:?}");
+    }
+}
+
+fn unreadable(error: &str, text: &str) -> Vec<Record> {
     assert!(text.is_empty(), "{error} in\n{text}");
     Vec::new()
 }

@@ -4,7 +4,6 @@
 use cofix_agent::format::Format;
 #[cfg(feature = "agent")]
 use cofix_agent::stream::StreamDecoder;
-use cofix_common::decode::Record;
 use cofix_common::gnsslogger::{GnssLoggerDecoder, Masks, Options};
 use cofix_common::gsdc::{DerivedDecoder, DerivedFile};
 use cofix_common::rinex::{ObservationDecoder, ObservationFile};
@@ -40,8 +39,7 @@ pub fn observations(bytes: &[u8]) {
     assert_eq!(file.is_ok(), outcome.end.is_ok(), "{file:?}");
     let Ok(file) = file else { return };
     assert_eq!(file.skips, outcome.skips);
-    let epochs: Vec<Record> = file.epochs.into_iter().map(Record::Epoch).collect();
-    assert!(same(&epochs, &outcome.records), "a file and a stream");
+    assert!(same(&file.into_records(), &outcome.records), "a file and a stream");
 }
 
 /// Compact RINEX 1 and 3: what stands before the two first lines of plain files.

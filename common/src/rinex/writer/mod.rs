@@ -2,6 +2,7 @@
 //!
 //! What comes out, read again, is what went in, to the digits that the format has.
 
+mod event;
 mod glonass;
 mod navigation;
 mod observation;

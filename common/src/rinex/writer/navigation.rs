@@ -3,7 +3,7 @@
 use super::{calendar_columns, labelled, program_line, scientific};
 use crate::atmosphere::KlobucharCoefficients;
 use crate::gnss::Constellation;
-use crate::orbit::{KeplerEphemeris, NavigationMessage};
+use crate::orbit::{KeplerEphemeris, NavigationMessage, UNKNOWN_ACCURACY_M};
 use crate::rinex::IonosphereTerms;
 use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET};
 
@@ -69,6 +69,16 @@ pub fn navigation_record(ephemeris: &KeplerEphemeris) -> Option<String> {
     Some(text)
 }
 
+/// The accuracy. An unknown one is −1 of Galileo (RINEX 3.05, table A8); for the others RINEX has no word, and files
+/// have zero.
+fn accuracy_m(e: &KeplerEphemeris) -> f64 {
+    match e.satellite.constellation {
+        _ if (e.accuracy_m - UNKNOWN_ACCURACY_M).abs() > 0.0 => e.accuracy_m,
+        Constellation::Galileo => -1.0,
+        _ => 0.0,
+    }
+}
+
 /// The seven lines after the first.
 fn lines(e: &KeplerEphemeris, week: f64) -> [[f64; 4]; 7] {
     let sources = match e.message {
@@ -89,7 +99,7 @@ fn lines(e: &KeplerEphemeris, week: f64) -> [[f64; 4]; 7] {
         [e.toe_own_tow_s, e.cic_cis_rad.0, e.omega0_rad, e.cic_cis_rad.1],
         [e.i0_rad, e.crc_crs_m.0, e.omega_rad, e.omega_dot_radps],
         [e.i_dot_radps, sources, week, 0.0],
-        [e.accuracy_m, e.health, first_delay, second_delay],
+        [accuracy_m(e), e.health, first_delay, second_delay],
         [UNKNOWN_TRANSMISSION, last, f64::NAN, f64::NAN],
     ]
 }

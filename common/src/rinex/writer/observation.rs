@@ -6,7 +6,7 @@ use std::fmt::Write;
 use super::{labelled, program_line};
 use crate::frames::Ecef;
 use crate::gnss::{
-    Constellation, EpochFlag, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
+    Constellation, EpochFlag, Event, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
 use crate::skips::Skips;
 use crate::time::{Calendar, GpsTime};
@@ -26,7 +26,7 @@ const COLUMNS: [Column; 4] = [
     ('D', |o| o.doppler_hz),
     ('S', |o| o.cn0_dbhz),
 ];
-const PHASE: char = 'L';
+pub(super) const PHASE: char = 'L';
 
 /// Which columns a file needs: RINEX names them before the first epoch, so all epochs must have been seen once.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -72,8 +72,17 @@ impl ObservationLayout {
         }
     }
 
+    /// Makes room for an event: slips stand in the columns of the phases.
+    pub fn include_event(&mut self, event: &Event) {
+        for slip in &event.slips {
+            let key = (slip.satellite.constellation, slip.signal);
+            let [_, phase, ..] = self.signals.entry(key).or_default();
+            *phase = true;
+        }
+    }
+
     /// Columns of a system: signal and kind.
-    fn columns(&self, system: Constellation) -> impl Iterator<Item = (SignalCode, Column)> + '_ {
+    pub(super) fn columns(&self, system: Constellation) -> impl Iterator<Item = (SignalCode, Column)> + '_ {
         self.signals.iter().filter(move |((other, _), _)| *other == system).flat_map(|((_, signal), used)| {
             COLUMNS.into_iter().zip(used).filter(|(_, used)| **used).map(|(column, _)| (*signal, column))
         })
@@ -89,8 +98,8 @@ impl ObservationLayout {
 /// Writes an observation file.
 #[derive(Clone, Debug)]
 pub struct ObservationWriter {
-    layout: ObservationLayout,
-    skips: Skips,
+    pub(super) layout: ObservationLayout,
+    pub(super) skips: Skips,
 }
 
 impl ObservationWriter {
@@ -170,20 +179,12 @@ impl ObservationWriter {
 
     /// An epoch: its line and one per satellite.
     pub fn epoch(&mut self, epoch: &ObservationEpoch) -> String {
-        let mut satellites: Vec<SatelliteId> = Vec::new();
-        for observation in &epoch.observations {
-            if !satellites.contains(&observation.satellite) {
-                satellites.push(observation.satellite);
-            }
-        }
-        let Calendar { year, month, day, hour, minute, second } = printed(epoch.time_gps).calendar();
+        let satellites = distinct(epoch.observations.iter().map(|o| o.satellite));
         let flag = match epoch.flag {
             EpochFlag::Ok => 0,
             EpochFlag::PowerFailure => 1,
         };
-        let count = satellites.len();
-        let mut text =
-            format!("> {year:04} {month:02} {day:02} {hour:02} {minute:02}{second:11.7}  {flag}{count:3}\n");
+        let mut text = epoch_line(Some(epoch.time_gps), flag, satellites.len());
         for satellite in satellites {
             text += &self.satellite(epoch, satellite);
         }
@@ -215,8 +216,8 @@ impl ObservationWriter {
     }
 }
 
-/// F14.3; blank and counted when it does not fit, or would read as missing.
-fn digits(value: f64, name: impl Fn() -> String, skips: &mut Skips) -> String {
+/// A value as F14.3; blank and counted when it does not fit, or would read as missing.
+pub(super) fn digits(value: f64, name: impl Fn() -> String, skips: &mut Skips) -> String {
     let text = format!("{value:14.3}");
     if !value.is_finite() || text.len() > 14 {
         skips.add("value does not fit F14.3, left out", || format!("{}: {value}", name()));
@@ -228,12 +229,30 @@ fn digits(value: f64, name: impl Fn() -> String, skips: &mut Skips) -> String {
     " ".repeat(14)
 }
 
+/// Satellites in the order of their first appearance.
+pub(super) fn distinct(all: impl Iterator<Item = SatelliteId>) -> Vec<SatelliteId> {
+    let mut satellites: Vec<SatelliteId> = Vec::new();
+    for satellite in all {
+        if !satellites.contains(&satellite) {
+            satellites.push(satellite);
+        }
+    }
+    satellites
+}
+
+/// The line before an epoch's satellites, or an event's lines.
+pub(super) fn epoch_line(time: Option<GpsTime>, flag: u8, count: usize) -> String {
+    let time = time.map_or_else(String::new, |time| {
+        let Calendar { year, month, day, hour, minute, second } = printed(time).calendar();
+        format!("{year:04} {month:02} {day:02} {hour:02} {minute:02}{second:11.7}")
+    });
+    format!("> {time:27}  {flag}{count:3}\n")
+}
+
 const fn lock_digit(lock: LossOfLock) -> char {
-    match (lock.half_cycle, lock.cycle_slip) {
-        (false, false) => ' ',
-        (false, true) => '1',
-        (true, false) => '2',
-        (true, true) => '3',
+    match lock.cycle_slip as u8 | (lock.half_cycle as u8) << 1 | (lock.noisier as u8) << 2 {
+        0 => ' ',
+        bits => (b'0' + bits) as char,
     }
 }
 

@@ -138,7 +138,7 @@ impl RtcmDecoder {
             carrier_phase_cycles,
             doppler_hz: None,
             cn0_dbhz: tracked.cn0_dbhz,
-            loss_of_lock: LossOfLock { cycle_slip, half_cycle: false },
+            loss_of_lock: LossOfLock { cycle_slip, ..LossOfLock::default() },
         })
     }
 }

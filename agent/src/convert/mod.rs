@@ -1,5 +1,7 @@
 //! Recordings of any format to RINEX 3.05.
 
+mod overlap;
+
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -12,6 +14,7 @@ use cofix_common::rinex::{
 use cofix_common::skips::Skips;
 use cofix_common::time::{Calendar, GpsTime};
 
+use self::overlap::Overlap;
 use crate::Stop;
 use crate::products::{OwnNavigation, is_navigation_file, navigation_file};
 use crate::source::{self, Reading, SourceError};
@@ -30,6 +33,8 @@ pub struct Outputs {
 pub struct Converted {
     /// Epochs.
     pub epochs: u64,
+    /// Events between them.
+    pub events: u64,
     /// Ephemerides.
     pub ephemerides: u64,
     /// What was skipped in reading and in writing.
@@ -127,6 +132,9 @@ impl Contents {
         let mut records = source::open_file(path, reading)?;
         let mut navigation = OwnNavigation::default();
         while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
+            if let Record::Event(event) = &record {
+                self.layout.include_event(event);
+            }
             if let Some(epoch) = navigation.take(record) {
                 self.layout.include(&epoch);
                 self.epochs += 1;
@@ -136,17 +144,17 @@ impl Contents {
         navigation.take_terms(decoder);
         self.info.leap_seconds = self.info.leap_seconds.or(navigation.file.leap_seconds);
         self.info.glonass_channels.extend(decoder.glonass_channels());
-        self.info.approximate_position = self.info.approximate_position.or(decoder.station());
-        if let Some(header) = decoder.header() {
+        // What events changed in the header is written where they stand.
+        if let Some(header) = decoder.first_header() {
             fill(&mut self.info.marker_name, &header.marker_name);
             fill(&mut self.info.receiver_type, &header.receiver_type);
+            self.info.approximate_position = self.info.approximate_position.or(header.approximate_position);
         }
+        self.info.approximate_position = self.info.approximate_position.or(decoder.station());
         self.navigation.extend(navigation);
         Ok(records.skips())
     }
-}
 
-impl Contents {
     fn read_navigation(&mut self, path: &Path) -> Result<Skips, SourceError> {
         let file = navigation_file(path)?;
         self.info.leap_seconds = self.info.leap_seconds.or(file.leap_seconds);
@@ -198,18 +206,27 @@ fn write_observations(
     to_file(path, |put| {
         put(&writer.header(info)).map_err(failed)?;
         for file in files {
+            let mut overlap = Overlap::new(last);
             let mut records = source::open_file(file, reading)?;
             while let Some(record) = records.next(stop).map_err(|error| source::file_error(file, error))? {
-                let Record::Epoch(epoch) = record else { continue };
-                if last.is_some_and(|last| epoch.time_gps <= last) {
-                    converted.skips.add("epoch not later than the files before reach, left out", || {
-                        format!("{} of {}", epoch.time_gps, file.display())
-                    });
+                if let Some(left_out) = overlap.leaves_out(&record) {
+                    converted.skips.add(left_out, || overlap::describe(&record, file));
                     continue;
                 }
-                last = Some(epoch.time_gps);
-                converted.epochs += 1;
-                put(&writer.epoch(&epoch)).map_err(failed)?;
+                let text = match &record {
+                    Record::Epoch(epoch) => {
+                        last = Some(epoch.time_gps);
+                        converted.epochs += 1;
+                        writer.epoch(epoch)
+                    }
+                    Record::Event(event) => {
+                        let text = writer.event(event);
+                        converted.events += u64::from(!text.is_empty());
+                        text
+                    }
+                    Record::Ephemeris(_) | Record::Glonass(_) => continue,
+                };
+                put(&text).map_err(failed)?;
             }
         }
         Ok(())

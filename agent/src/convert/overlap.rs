@@ -1,0 +1,47 @@
+//! Recordings that overlap in time: of what comes twice, the first counts.
+
+use std::path::Path;
+
+use cofix_common::decode::Record;
+use cofix_common::time::GpsTime;
+
+/// A recording against those before it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Overlap {
+    /// The last epoch of those.
+    before: Option<GpsTime>,
+    /// Whether the epoch that came last lies in the overlap.
+    is_inside: bool,
+}
+
+impl Overlap {
+    /// At the beginning of a recording.
+    pub(super) const fn new(before: Option<GpsTime>) -> Self {
+        Self { before, is_inside: false }
+    }
+
+    /// Why a record is left out, if it is. An event goes with the epoch before it.
+    pub(super) fn leaves_out(&mut self, record: &Record) -> Option<&'static str> {
+        let before = self.before?;
+        match record {
+            Record::Epoch(epoch) => {
+                self.is_inside = epoch.time_gps <= before;
+                self.is_inside.then_some("epoch not later than the files before reach, left out")
+            }
+            Record::Event(event) => (self.is_inside || event.time_gps.is_some_and(|time| time <= before))
+                .then_some("event not later than the files before reach, left out"),
+            Record::Ephemeris(_) | Record::Glonass(_) => None,
+        }
+    }
+}
+
+/// Which record it is, for messages.
+pub(super) fn describe(record: &Record, file: &Path) -> String {
+    let (what, time) = match record {
+        Record::Epoch(epoch) => ("epoch".to_owned(), Some(epoch.time_gps)),
+        Record::Event(event) => (event.kind.to_string(), event.time_gps),
+        Record::Ephemeris(_) | Record::Glonass(_) => ("ephemeris".to_owned(), None),
+    };
+    let at = time.map(|time| format!(" at {time}")).unwrap_or_default();
+    format!("{what}{at} of {}", file.display())
+}
