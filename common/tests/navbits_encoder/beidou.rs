@@ -85,7 +85,11 @@ pub fn d1(e: &KeplerEphemeris, k: &KlobucharCoefficients, sent: GpsTime) -> [[u3
     let mut one = begin(1);
     #[allow(clippy::cast_possible_truncation)]
     let health = e.health as i64;
-    one.put(health, 1).put(e.issue_of_clock.into(), 5).put(accuracy_index(e), 4).put(week, 13).put(eighths(e.toc), 17);
+    one.put(health, 1)
+        .put(e.issue_of_clock.into(), 5)
+        .put(accuracy_index(e), 4)
+        .put(week, 13)
+        .put(eighths(e.toc), 17);
     one.put(tenths_of_ns(e.group_delays_s.0), 10).put(tenths_of_ns(e.group_delays_s.1), 10);
     for term in klobuchar(k) {
         one.put(term, 8);
@@ -119,7 +123,11 @@ pub fn d2(e: &KeplerEphemeris, k: &KlobucharCoefficients, sent: GpsTime) -> [[u3
     let [one, two, three, four, five, six, seven, eight, nine, ten] = &mut pages;
     #[allow(clippy::cast_possible_truncation)]
     let health = e.health as i64;
-    one.put(health, 1).put(e.issue_of_clock.into(), 5).put(accuracy_index(e), 4).put(week, 13).put(eighths(e.toc), 17);
+    one.put(health, 1)
+        .put(e.issue_of_clock.into(), 5)
+        .put(accuracy_index(e), 4)
+        .put(week, 13)
+        .put(eighths(e.toc), 17);
     one.put(tenths_of_ns(e.group_delays_s.0), 10).put(tenths_of_ns(e.group_delays_s.1), 10).put(0, 12);
     for term in klobuchar(k) {
         two.put(term, 8);
