@@ -89,15 +89,11 @@ impl Client {
 
 /// What to do about a refused account.
 pub(super) fn unauthorized(caster: &Caster, said: &str) -> String {
-    match caster.user() {
-        Some(user) => {
-            format!("the caster refuses user '{user}' ({said}): check user, password and their rights")
-        }
-        None => {
-            let scheme = caster.scheme();
-            format!("the caster wants an account ({said}): write {scheme}USER:PASSWORD@HOST:PORT/MOUNT")
-        }
+    if let Some(user) = caster.user() {
+        return format!("the caster refuses user '{user}' ({said}): check user, password and their rights");
     }
+    let scheme = caster.scheme();
+    format!("the caster wants an account ({said}): write {scheme}USER:PASSWORD@HOST:PORT/MOUNT")
 }
 
 fn no_such_mount(caster: &Caster, mount: &str, said: &str) -> String {
