@@ -90,11 +90,10 @@ impl Client {
 /// What to do about a refused account.
 pub(super) fn unauthorized(caster: &Caster, said: &str) -> String {
     if let Some(user) = caster.user() {
-        format!("the caster refuses user '{user}' ({said}): check user, password and their rights")
-    } else {
-        let scheme = caster.scheme();
-        format!("the caster wants an account ({said}): write {scheme}USER:PASSWORD@HOST:PORT/MOUNT")
+        return format!("the caster refuses user '{user}' ({said}): check user, password and their rights");
     }
+    let scheme = caster.scheme();
+    format!("the caster wants an account ({said}): write {scheme}USER:PASSWORD@HOST:PORT/MOUNT")
 }
 
 fn no_such_mount(caster: &Caster, mount: &str, said: &str) -> String {
