@@ -30,8 +30,8 @@ fn recording(seconds: std::ops::Range<u32>) -> String {
     for second in seconds {
         text += &epoch(second);
         if second == middle {
-            text += &format!("> 2020 08 13 14 19 {second:2}.2500000  5  0\n");
-            text += &format!("> 2020 08 13 14 19 {second:2}.5000000  3  1\n");
+            let time = |fraction: &str| format!("> 2020 08 13 14 19 {second:2}.{fraction}");
+            text += &(time("2500000  5  0\n") + &time("5000000  3  1\n"));
             text += &header("SECOND SITE", "MARKER NAME");
             text += ">                              4  1\n";
             text += &header("G    2 L1C C1C", "SYS / # / OBS TYPES");

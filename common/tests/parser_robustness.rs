@@ -167,7 +167,7 @@ fn check_products(sp3: Option<Sp3>, navigation: Option<NavigationFile>, time: Gp
 #[test]
 fn the_undamaged_texts_are_read_in_full() {
     let file = ObservationFile::parse(OBSERVATIONS.as_bytes()).unwrap();
-    assert_eq!((file.epochs.len(), file.skips.total()), (3, 1), "{}", file.skips);
+    assert_eq!((file.epochs.len(), file.events.len(), file.skips.total()), (3, 1, 0), "{}", file.skips);
     let file = NavigationFile::parse(NAVIGATION.as_bytes()).unwrap();
     assert_eq!((file.ephemerides.len(), file.skips.total()), (3, 0), "{}", file.skips);
     assert_eq!(file.glonass.len(), 1);

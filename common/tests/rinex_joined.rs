@@ -69,9 +69,9 @@ fn a_header_that_cannot_be_used_costs_what_follows_it() {
 }
 
 #[test]
-fn line_ends_turned_twice_are_line_ends() {
+fn line_ends_turned_again_and_again_are_line_ends() {
     let plain = ObservationFile::parse((first() + &file_2(3)).as_bytes()).unwrap();
-    let turned = (first() + &file_2(3)).replace('\n', "\r\r\n");
+    let turned = (first() + &file_2(3)).replace('\n', "\r\r\r\n");
     let file = ObservationFile::parse(turned.as_bytes()).unwrap();
     assert_eq!(file.epochs, plain.epochs);
 }
