@@ -129,7 +129,7 @@ fn decode(text: &str) -> Decoded {
     let (mut kepler, mut glonass) = (Vec::new(), Vec::new());
     while let Some(record) = decoder.next_record() {
         match record {
-            Record::Epoch(_) => {}
+            Record::Epoch(_) | Record::Event(_) => {}
             Record::Ephemeris(ephemeris) => kepler.push(*ephemeris),
             Record::Glonass(ephemeris) => glonass.push(*ephemeris),
         }
