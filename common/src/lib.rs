@@ -26,4 +26,5 @@ pub mod skips;
 pub mod solve;
 pub mod statistics;
 pub mod time;
+mod time_order;
 pub mod wire;

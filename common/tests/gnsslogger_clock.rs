@@ -58,7 +58,7 @@ fn decode_bytes(text: &[u8], options: Options) -> (Vec<ObservationEpoch>, Skips)
     decoder.finish().unwrap();
     let epochs = std::iter::from_fn(|| decoder.next_record()).filter_map(|record| match record {
         Record::Epoch(epoch) => Some(epoch),
-        Record::Ephemeris(_) | Record::Glonass(_) => None,
+        Record::Ephemeris(_) | Record::Glonass(_) | Record::Event(_) => None,
     });
     (epochs.collect(), decoder.skips().clone())
 }

@@ -379,7 +379,8 @@ fn damaged_lines_cost_themselves() {
         (gps(1).text(), "signal repeated in its epoch"),
         (Line { svid: 9, ..gps(0) }.text(), "line steps back in time"),
         (Line { svid: 9, ..gps(-5) }.text(), "line steps back in time"),
-        (Line { svid: 9, ..gps(200_000) }.text(), "line jumps by more than a day"),
+        (Line { svid: 9, ..gps(200_000) }.text(), "line whose time is far from those around it"),
+        (Line { svid: 9, ..gps(3_600) }.text(), "line whose time is far from those around it"),
         (Line { svid: 9, time_ns: 1, ..gps(1) }.text(), "line repeats the time of an earlier epoch"),
         ("Whatever,1,2,3".to_owned(), "line of unknown kind"),
         ("Status,1,2,3".to_owned(), "Status line with another number of fields"),
@@ -425,8 +426,30 @@ fn a_gap_of_days_is_believed_when_it_is_confirmed() {
     lines.extend([gps(200_000), Line { svid: 7, ..gps(200_000) }, gps(200_001)]);
     let decoded = decode(&log(&lines));
     let sizes: Vec<_> = decoded.epochs.iter().map(|e| e.observations.len()).collect();
-    assert_eq!(sizes, [2, 2, 1, 1]);
-    assert_eq!(decoded.skips.count("line jumps by more than a day"), 1);
+    assert_eq!(sizes, [2, 2, 2, 1]);
+    assert!(decoded.skips.is_empty(), "{}", decoded.skips);
+    // Also when no epoch after the gap has a second line.
+    let decoded = decode(&log(&[gps(0), gps(3_600), gps(3_601), gps(9_000)]));
+    assert_eq!((decoded.epochs.len(), decoded.skips.total()), (3, 1), "{}", decoded.skips);
+}
+
+#[test]
+fn an_epoch_with_a_wrong_clock_costs_no_other() {
+    for ahead_s in [100, 18_000, 200_000] {
+        let mut lines = two_epochs();
+        lines.extend([
+            gps(ahead_s),
+            Line { svid: 7, ..gps(ahead_s) },
+            gps(2),
+            Line { svid: 7, ..gps(2) },
+            gps(3),
+        ]);
+        let decoded = decode(&log(&lines));
+        let sizes: Vec<_> = decoded.epochs.iter().map(|e| e.observations.len()).collect();
+        assert_eq!(sizes, [2, 2, 2, 1], "{ahead_s} s");
+        assert_eq!(decoded.skips.count("epoch far from the one after it, left out"), 1, "{}", decoded.skips);
+        assert_eq!(decoded.skips.total(), 1);
+    }
 }
 
 #[test]

@@ -12,9 +12,8 @@ use crate::decode::Record;
 use crate::gnss::{EpochFlag, ObservationEpoch};
 use crate::skips::Skips;
 use crate::time::GpsTime;
+use crate::time_order::{LONG_STEP_S, TimeOrder};
 
-/// A longer step forward than this (s) is believed only when the next line confirms it.
-const MAX_STEP_S: f64 = 86_400.0;
 /// Phones log raw measurements since 2016; the clocks of these years are believed (2010 to 2100), as GPS nanoseconds.
 const PLAUSIBLE_NS: std::ops::Range<i64> = 946_684_800_000_000_000..3_787_000_000_000_000_000;
 
@@ -24,16 +23,38 @@ pub(super) struct Epochs {
     current: Option<Current>,
     /// `TimeNanos` of the last line, and whether that epoch has any observation.
     last_line: Option<LastLine>,
-    /// A time far ahead that waits for a second line.
-    suspect: Option<GpsTime>,
+    /// Epochs that are complete.
+    order: TimeOrder,
+    /// A line far ahead, the first of its epoch, that waits for a second one.
+    suspect: Option<Timed>,
     glonass_channels: BTreeMap<u8, i8>,
     usual_size: usize,
 }
 
 #[derive(Clone, Debug)]
 struct Current {
+    /// The first line.
+    number: u64,
     clock: EpochClock,
     epoch: ObservationEpoch,
+}
+
+/// What a line measured, and when.
+#[derive(Clone, Debug)]
+struct Timed {
+    number: u64,
+    clock: EpochClock,
+    measured: Measured,
+}
+
+impl Timed {
+    fn time(&self) -> GpsTime {
+        self.clock.time.gps()
+    }
+
+    fn describe(&self) -> String {
+        format!("line {}: {}", self.number, self.time())
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -89,14 +110,16 @@ impl Epochs {
                 format!("line {number}: {satellite}, {} {}", refusal.value, refusal.quantity)
             });
         }
-        self.place((number, clock), measured, skips, records);
+        self.place(Timed { number, clock, measured }, skips, records);
     }
 
     /// The stream has ended.
     pub(super) fn finish(&mut self, skips: &mut Skips, records: &mut VecDeque<Record>) {
         self.count_unused(None, skips);
         self.last_line = None;
-        self.complete(records);
+        self.drop_suspect(skips);
+        self.complete(skips, records);
+        self.order.finish(None, skips, &mut |record| records.push_back(record));
     }
 
     /// Time of the last epoch.
@@ -133,31 +156,58 @@ impl Epochs {
         PLAUSIBLE_NS.contains(&clock.time.whole_ns).then_some(clock)
     }
 
-    fn place(
-        &mut self,
-        (number, clock): (u64, EpochClock),
-        measured: Measured,
-        skips: &mut Skips,
-        records: &mut VecDeque<Record>,
-    ) {
-        let time_gps = clock.time.gps();
-        let open = self.current.as_ref().is_some_and(|c| c.clock.fields.time_ns == clock.fields.time_ns);
-        if !open {
-            if let Err((reason, before)) = self.check_order(time_gps) {
-                return skips.add(reason, || format!("line {number}: {time_gps} after {before}"));
-            }
-            self.complete(records);
-            let observations = Vec::with_capacity(self.usual_size.max(16));
-            let epoch = ObservationEpoch { time_gps, flag: EpochFlag::Ok, observations };
-            self.current = Some(Current { clock, epoch });
-        }
+    fn place(&mut self, line: Timed, skips: &mut Skips, records: &mut VecDeque<Record>) {
         if let Some(last) = &mut self.last_line {
             last.used = true;
         }
-        self.push(number, measured, skips);
+        if !self.is_open(&line) {
+            let time = line.time();
+            if let Some((reason, before)) = self.refuses(time) {
+                return skips.add(reason, || format!("{} after {before}", line.describe()));
+            }
+            let confirms =
+                self.suspect.as_ref().is_some_and(|s| (0.0..=LONG_STEP_S).contains(&(time - s.time())));
+            if confirms {
+                self.place_suspect(skips, records);
+            } else if !self.goes_on(time) {
+                self.drop_suspect(skips);
+                self.suspect = Some(line);
+                return;
+            }
+            self.drop_suspect(skips);
+            if !self.is_open(&line) {
+                self.begin(&line, skips, records);
+            }
+        }
+        self.push(line, skips);
     }
 
-    fn push(&mut self, number: u64, measured: Measured, skips: &mut Skips) {
+    fn is_open(&self, line: &Timed) -> bool {
+        self.current.as_ref().is_some_and(|c| c.clock.fields.time_ns == line.clock.fields.time_ns)
+    }
+
+    fn place_suspect(&mut self, skips: &mut Skips, records: &mut VecDeque<Record>) {
+        if let Some(first) = self.suspect.take() {
+            self.begin(&first, skips, records);
+            self.push(first, skips);
+        }
+    }
+
+    fn drop_suspect(&mut self, skips: &mut Skips) {
+        if let Some(line) = self.suspect.take() {
+            skips.add("line whose time is far from those around it", || line.describe());
+        }
+    }
+
+    /// Opens a new epoch.
+    fn begin(&mut self, line: &Timed, skips: &mut Skips, records: &mut VecDeque<Record>) {
+        self.complete(skips, records);
+        let observations = Vec::with_capacity(self.usual_size.max(16));
+        let epoch = ObservationEpoch { time_gps: line.time(), flag: EpochFlag::Ok, observations };
+        self.current = Some(Current { number: line.number, clock: line.clock, epoch });
+    }
+
+    fn push(&mut self, Timed { number, measured, .. }: Timed, skips: &mut Skips) {
         let Some(current) = &mut self.current else { return };
         let mut observation = measured.observation;
         let (satellite, signal) = (observation.satellite, observation.signal);
@@ -176,32 +226,35 @@ impl Epochs {
         }
     }
 
-    /// Accepts the time of a new epoch, or says why not and against which time.
-    fn check_order(&mut self, time: GpsTime) -> Result<(), (&'static str, GpsTime)> {
-        let Some(last) = self.time() else { return Ok(()) };
-        if time == last {
-            return Err(("line repeats the time of an earlier epoch", last));
-        }
-        if time < last {
-            return Err(("line steps back in time", last));
-        }
-        let confirmed = self.suspect.is_some_and(|s| (0.0..=MAX_STEP_S).contains(&(time - s)));
-        if time - last > MAX_STEP_S && !confirmed {
-            self.suspect = Some(time);
-            return Err(("line jumps by more than a day", last));
-        }
-        self.suspect = None;
-        Ok(())
+    /// Why a time cannot be that of a new epoch, and against which time.
+    fn refuses(&self, time: GpsTime) -> Option<(&'static str, GpsTime)> {
+        let open =
+            self.time().filter(|open| time == *open || time < *open && self.order.goes_on(*open, None));
+        let before = open.or_else(|| self.order.refuses(time).map(|(_, before)| before))?;
+        let reason = if time == before {
+            "line repeats the time of an earlier epoch"
+        } else {
+            "line steps back in time"
+        };
+        Some((reason, before))
     }
 
-    /// Gives the open epoch. It stays as the reference for what follows, without its observations.
-    fn complete(&mut self, records: &mut VecDeque<Record>) {
+    /// Whether a time is soon after the open epoch or the last one before it.
+    fn goes_on(&self, time: GpsTime) -> bool {
+        let from_open = self.time().is_some_and(|open| (0.0..=LONG_STEP_S).contains(&(time - open)));
+        from_open || self.order.goes_on(time, None)
+    }
+
+    /// Gives the open epoch, unless it has to wait for the next one. It stays as the reference for what follows, without its
+    /// observations.
+    fn complete(&mut self, skips: &mut Skips, records: &mut VecDeque<Record>) {
         let Some(current) = &mut self.current else { return };
         let observations = std::mem::take(&mut current.epoch.observations);
         if observations.is_empty() {
             return;
         }
         self.usual_size = observations.len();
-        records.push_back(Record::Epoch(ObservationEpoch { observations, ..current.epoch.clone() }));
+        let epoch = ObservationEpoch { observations, ..current.epoch.clone() };
+        self.order.epoch((current.number, epoch), None, skips, &mut |record| records.push_back(record));
     }
 }

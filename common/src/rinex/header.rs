@@ -107,6 +107,11 @@ impl HeaderBuilder {
         }
     }
 
+    /// Where the header says that the file begins.
+    pub(super) const fn stated_beginning(&self) -> Option<GpsTime> {
+        self.header.first_observation
+    }
+
     /// The header so far.
     pub(super) const fn header(&self) -> &ObservationHeader {
         &self.header

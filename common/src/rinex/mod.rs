@@ -21,7 +21,6 @@ mod navigation_record;
 mod observation;
 mod observation_file;
 mod observation_record;
-mod order;
 mod pending;
 mod stream;
 mod types;

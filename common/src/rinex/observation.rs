@@ -6,12 +6,12 @@ use super::hatanaka::{Form, Hatanaka};
 use super::header::{HeaderBuilder, ObservationHeader};
 use super::line_assembly::Line;
 use super::observation_record::Layouts;
-use super::order::Order;
 use super::pending::{PendingEpoch, PendingEvent, is_comment};
 use super::stream::Stream;
 use super::{RinexError, columns, lines, shorten, trim_end};
 use crate::decode::Record;
 use crate::skips::Skips;
+use crate::time_order::TimeOrder;
 
 /// Room set aside for an epoch's observations is at most this: one that lies about its size must not cost the others.
 const MOST_ROOM: usize = 512;
@@ -38,7 +38,7 @@ pub struct ObservationDecoder {
     builder: HeaderBuilder,
     layouts: Layouts,
     state: State,
-    order: Order,
+    order: TimeOrder,
     skips: Skips,
     /// Observations in the epoch before: how much room the next one will need.
     usual_size: usize,
@@ -172,12 +172,12 @@ impl ObservationDecoder {
         Ok(())
     }
 
-    /// Says that the input has ended. An epoch or event that is not complete is dropped and counted, because its last
-    /// line may be cut.
+    /// Says that the input has ended, and hands over an epoch that waited for the next one. An epoch or event that is not complete
+    /// is dropped and counted, because its last line may be cut.
     ///
     /// # Errors
     /// When the header was not complete.
-    pub fn finish(&mut self) -> Result<(), RinexError> {
+    pub fn finish(&mut self, take: Take<'_>) -> Result<(), RinexError> {
         match std::mem::replace(&mut self.state, State::Between) {
             State::Header if self.builder.first().is_some() => {
                 self.skips.add("another header is cut off", || format!("{} lines", self.builder.lines()));
@@ -190,6 +190,7 @@ impl ObservationDecoder {
             State::Event(pending) => self.skips.add("last event is cut off", || pending.shortage()),
             State::Between | State::Skip(_) | State::Lost => {}
         }
+        self.order.finish(self.builder.stated_beginning(), &mut self.skips, take);
         Ok(())
     }
 

@@ -29,12 +29,13 @@ impl ObservationFile {
         let bytes = decompress(bytes)?;
         let mut decoder = ObservationDecoder::default();
         let (mut epochs, mut events) = (Vec::new(), Vec::new());
-        decoder.whole(&bytes, &mut |record| match record {
+        let mut take = |record| match record {
             Record::Epoch(epoch) => epochs.push(epoch),
             Record::Event(event) => events.push((epochs.len(), *event)),
             Record::Ephemeris(_) | Record::Glonass(_) => {}
-        })?;
-        decoder.finish()?;
+        };
+        decoder.whole(&bytes, &mut take)?;
+        decoder.finish(&mut take)?;
         let (header, skips) = decoder.into_parts();
         Ok(Self { header, epochs, events, skips })
     }

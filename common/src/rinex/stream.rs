@@ -38,8 +38,8 @@ trait LineDecoder {
     /// Takes a line and adds the records that it completes.
     fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<Record>) -> Result<(), RinexError>;
 
-    /// There are no more lines; a record when their end completes one.
-    fn end_of_lines(&mut self) -> Result<Option<Record>, RinexError>;
+    /// There are no more lines; adds the records that their end completes.
+    fn end_of_lines(&mut self, ready: &mut VecDeque<Record>) -> Result<(), RinexError>;
 }
 
 fn feed(decoder: &mut impl LineDecoder, bytes: &[u8]) -> Result<(), WrongStream> {
@@ -51,7 +51,7 @@ fn feed(decoder: &mut impl LineDecoder, bytes: &[u8]) -> Result<(), WrongStream>
 fn finish(decoder: &mut impl LineDecoder) -> Result<(), WrongStream> {
     work(decoder, |decoder, Stream { assembly, ready, .. }| {
         assembly.finish(|line| decoder.take_line(line, ready))?;
-        decoder.end_of_lines().map(|record| ready.extend(record))
+        decoder.end_of_lines(ready)
     })
 }
 
@@ -91,8 +91,8 @@ impl LineDecoder for ObservationDecoder {
         self.take(line, &mut |record| ready.push_back(record))
     }
 
-    fn end_of_lines(&mut self) -> Result<Option<Record>, RinexError> {
-        Self::finish(self).map(|()| None)
+    fn end_of_lines(&mut self, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
+        Self::finish(self, &mut |record| ready.push_back(record))
     }
 }
 
@@ -148,8 +148,8 @@ impl LineDecoder for NavigationDecoder {
         self.take(line).map(|found| ready.extend(found.map(Record::from)))
     }
 
-    fn end_of_lines(&mut self) -> Result<Option<Record>, RinexError> {
-        self.end().map(|found| found.map(Record::from))
+    fn end_of_lines(&mut self, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
+        self.end().map(|found| ready.extend(found.map(Record::from)))
     }
 }
 

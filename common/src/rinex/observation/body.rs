@@ -7,7 +7,6 @@ use crate::rinex::epoch_2::{self, Listed};
 use crate::rinex::observation_record::Layouts;
 use crate::rinex::pending::{Content, PendingEpoch, PendingEvent, event_time};
 use crate::rinex::{columns, epoch_3, integer, shorten};
-use crate::time::GpsTime;
 
 impl ObservationDecoder {
     /// Gives the unfinished epoch or event that an epoch line ends.
@@ -15,11 +14,11 @@ impl ObservationDecoder {
         match std::mem::replace(&mut self.state, State::Between) {
             State::Epoch(pending) => {
                 self.skips.add("epoch has fewer satellites than announced", || pending.shortage());
-                take(pending.done(&mut self.skips));
+                self.give(pending, take);
             }
             State::Event(pending) => {
                 self.skips.add("event has fewer lines than announced", || pending.shortage());
-                take(pending.done());
+                self.order.other(pending.done(), take);
             }
             State::Header | State::Between | State::Skip(_) | State::Lost => {}
         }
@@ -41,18 +40,14 @@ impl ObservationDecoder {
                     return;
                 }
                 if let State::Epoch(done) = std::mem::replace(&mut self.state, State::Between) {
-                    let record = done.done(&mut self.skips);
-                    if let Record::Epoch(epoch) = &record {
-                        self.usual_size = epoch.observations.len();
-                    }
-                    take(record);
+                    self.give(done, take);
                 }
             }
             State::Event(pending) => {
                 let is_last = pending.take(number, line, &mut self.skips);
                 self.header_line(number, line);
                 if is_last && let State::Event(done) = std::mem::replace(&mut self.state, State::Between) {
-                    take(done.done());
+                    self.order.other(done.done(), take);
                 }
             }
             State::Skip(remaining) => {
@@ -116,7 +111,7 @@ impl ObservationDecoder {
         }
         let event = PendingEvent::new(kind, time_gps, (number, count));
         if event.is_complete() {
-            take(event.done());
+            self.order.other(event.done(), take);
             return State::Between;
         }
         State::Event(event)
@@ -132,7 +127,7 @@ impl ObservationDecoder {
             self.skips.add("epoch without satellites", || format!("line {number}: {time_gps}"));
             return State::Between;
         }
-        if let Err((reason, before)) = self.is_in_order(time_gps) {
+        if let Some((reason, before)) = self.order.refuses(time_gps) {
             self.skips.add(reason, || format!("line {number}: {time_gps} after {before}"));
             return skip(self.lines_of_epoch(announced));
         }
@@ -142,8 +137,17 @@ impl ObservationDecoder {
         State::Epoch(PendingEpoch::new(content, (number, announced), listed, room))
     }
 
-    fn is_in_order(&mut self, time_gps: GpsTime) -> Result<(), (&'static str, GpsTime)> {
-        self.order.check(time_gps, self.builder.header().first_observation)
+    /// Hands over an epoch or a record of slips, unless it has to wait for the next epoch.
+    fn give(&mut self, pending: PendingEpoch, take: Take<'_>) {
+        let line = pending.line;
+        match pending.done(&mut self.skips) {
+            Record::Epoch(epoch) => {
+                self.usual_size = epoch.observations.len();
+                let stated = self.builder.stated_beginning();
+                self.order.epoch((line, epoch), stated, &mut self.skips, take);
+            }
+            record => self.order.other(record, take),
+        }
     }
 
     /// RINEX 2 lists the satellites in the epoch line.
