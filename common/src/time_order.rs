@@ -13,7 +13,7 @@ use crate::time::GpsTime;
 pub(crate) const LONG_STEP_S: f64 = 60.0;
 /// At the end of the recording, where no epoch follows, a longer one is not believed, s. So far is a beginning from what a header says
 /// believed at once.
-const DAY_S: f64 = 86_400.0;
+pub(crate) const DAY_S: f64 = 86_400.0;
 
 /// Keeps the epochs in order of time.
 #[derive(Clone, Debug, Default)]

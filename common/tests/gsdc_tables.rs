@@ -286,7 +286,7 @@ fn mixed_line_ends_invalid_text_and_blank_lines_cost_nothing_else() {
 #[test]
 fn epochs_need_not_be_in_order_within_a_minute() {
     let row = |second: i64, sat: usize| row_2021(START_MS + second * 1_000, &sky()[sat]);
-    let table = [row(2, 0), row(0, 0), row(1, 0), row(2, 1), row(100, 0), row(1, 1), row(101, 0)].concat();
+    let table = [row(2, 0), row(0, 0), row(1, 0), row(2, 1), row(100, 0), row(101, 0), row(1, 1)].concat();
     let file = DerivedFile::parse(format!("{HEADER_2021}{table}").as_bytes()).unwrap();
     let times: Vec<_> = file.epochs.iter().map(|e| e.time_gps.nanos() / 1_000_000 - START_MS).collect();
     assert_eq!(times, [0, 1_000, 2_000, 100_000, 101_000]);
@@ -301,6 +301,21 @@ fn epochs_need_not_be_in_order_within_a_minute() {
     let table = [row(0, 0), row(100_000_000, 0), row(1, 0), row(2, 0)].concat();
     let file = DerivedFile::parse(format!("{HEADER_2021}{table}").as_bytes()).unwrap();
     assert_eq!(file.epochs.len(), 3);
+    // Nor does an epoch of wrong dates, in a table of any order; a gap costs nothing.
+    for wrong in [400, 18_000, 100_000_000] {
+        let table =
+            [row(0, 0), row(wrong, 0), row(wrong, 1), row(0, 1), row(1, 0), row(70, 0), row(71, 0)].concat();
+        let file = DerivedFile::parse(format!("{HEADER_2021}{table}").as_bytes()).unwrap();
+        let sizes: Vec<_> = file.epochs.iter().map(|epoch| epoch.observations.len()).collect();
+        assert_eq!(sizes, [2, 1, 1, 1], "{wrong} s: {}", file.skips);
+        assert_eq!(file.skips.count("epoch far from those around it, left out"), 1, "{}", file.skips);
+        assert_eq!(file.skips.total(), 1);
+    }
+    for (last, kept) in [(400, 2), (100_000_000, 1)] {
+        let table = [row(0, 0), row(last, 0)].concat();
+        let file = DerivedFile::parse(format!("{HEADER_2021}{table}").as_bytes()).unwrap();
+        assert_eq!((file.epochs.len(), file.skips.total()), (kept, 2 - kept as u64), "{last} s");
+    }
 }
 
 /// The tables of 2021 cut times to milliseconds, in which satellites go metres; the arrival has the rest.

@@ -11,13 +11,12 @@ use crate::gnsslogger::Masks;
 use crate::measurement::{Corrector, GivenCorrections, PreparedObservation};
 use crate::skips::Skips;
 use crate::time::GpsTime;
+use crate::time_order::{DAY_S, LONG_STEP_S};
 
 /// An epoch is complete when a row this much later comes, s: rows need not be in order of time within this span.
 const REORDER_S: f64 = 60.0;
 /// So many epochs wait at most; of a minute at 10 Hz there are 600.
 const MAX_OPEN: usize = 2_000;
-/// A longer step forward than this (s) is believed only when the next row confirms it.
-const MAX_STEP_S: f64 = 86_400.0;
 
 /// One satellite's signal at one epoch.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,7 +128,9 @@ struct Table {
     columns: Option<Result<Columns, WrongStream>>,
     /// Epochs to which rows may still come.
     open: BTreeMap<GpsTime, DerivedEpoch>,
+    /// The latest time that is believed.
     latest: Option<GpsTime>,
+    /// A time far ahead that waits for a later one.
     suspect: Option<GpsTime>,
     /// Up to here epochs were given out.
     closed: Option<GpsTime>,
@@ -178,7 +179,7 @@ impl Table {
     fn row(&mut self, number: u64, row: Row, skips: &mut Skips) {
         let Row { time_gps, received_gps, shift_s, derived, lack } = row;
         let (satellite, signal) = (derived.observation.satellite, derived.observation.signal);
-        if !self.is_in_time(time_gps) {
+        if !self.is_in_time(time_gps, skips) {
             return skips
                 .add("row out of the order of time", || format!("line {number}: {satellite} at {time_gps}"));
         }
@@ -207,21 +208,39 @@ impl Table {
         epoch.observations.push(derived);
     }
 
-    /// Whether a row's epoch may still get rows.
-    fn is_in_time(&mut self, time: GpsTime) -> bool {
+    /// Whether a row's epoch may still get rows. A time far ahead waits for a later one that goes on from there, and meanwhile completes
+    /// no epoch; one that goes on from before shows that it was wrong.
+    fn is_in_time(&mut self, time: GpsTime, skips: &mut Skips) -> bool {
         if self.closed.is_some_and(|closed| time <= closed) {
             return false;
         }
-        if let Some(latest) = self.latest {
-            let confirmed = self.suspect.is_some_and(|suspect| (time - suspect).abs() <= MAX_STEP_S);
-            if time - latest > MAX_STEP_S && !confirmed {
-                self.suspect = Some(time);
-                return false;
-            }
+        let is_far = self.latest.is_some_and(|latest| time - latest > LONG_STEP_S);
+        if is_far && !self.suspect.is_some_and(|suspect| suspect < time) {
+            self.drop_suspect(|suspect| suspect > time, skips);
+            self.suspect = Some(time);
+            return true;
         }
-        self.suspect = None;
-        self.latest = self.latest.max(Some(time));
+        if is_far {
+            self.latest = self.suspect.take();
+            return self.is_in_time(time, skips);
+        }
+        // A row that is late says nothing about it.
+        if self.latest < Some(time) {
+            self.drop_suspect(|_| true, skips);
+            self.latest = Some(time);
+        }
         true
+    }
+
+    /// Leaves out the epoch that waits, if this is so of its time.
+    fn drop_suspect(&mut self, wrong: impl Fn(GpsTime) -> bool, skips: &mut Skips) {
+        if let Some(suspect) = self.suspect.take_if(|suspect| wrong(*suspect))
+            && let Some(epoch) = self.open.remove(&suspect)
+        {
+            skips.add("epoch far from those around it, left out", || {
+                format!("{suspect}, {} rows", epoch.observations.len())
+            });
+        }
     }
 
     /// Takes out the epochs that are complete; all of them at the end.
@@ -260,6 +279,9 @@ impl Decoder for DerivedDecoder {
             let length = rest.len();
             self.skips
                 .add("last line is cut off", || format!("line {number}: {length} bytes without a line end"));
+        }
+        if let Some(latest) = self.state.latest {
+            self.state.drop_suspect(|suspect| suspect - latest > DAY_S, &mut self.skips);
         }
         self.state.complete(true, &mut self.ready);
         Ok(())
