@@ -16,8 +16,10 @@ pub(crate) const LONG_STEP_S: f64 = 60.0;
 pub(crate) const DAY_S: f64 = 86_400.0;
 
 /// Keeps the epochs in order of time.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct TimeOrder {
+    /// What is counted in the recording: lines or frames.
+    unit: &'static str,
     /// The last epoch that is believed.
     last: Option<GpsTime>,
     held: Option<Held>,
@@ -27,7 +29,8 @@ pub(crate) struct TimeOrder {
 #[derive(Clone, Debug)]
 struct Held {
     time: GpsTime,
-    line: u64,
+    /// The line or frame that it began in.
+    number: u64,
     /// The epoch, and other records after it.
     records: Vec<Record>,
 }
@@ -35,7 +38,18 @@ struct Held {
 /// Takes records.
 type Out<'a> = &'a mut dyn FnMut(Record);
 
+impl Default for TimeOrder {
+    fn default() -> Self {
+        Self::of("line")
+    }
+}
+
 impl TimeOrder {
+    /// Of a recording of lines or frames.
+    pub(crate) const fn of(unit: &'static str) -> Self {
+        Self { unit, last: None, held: None }
+    }
+
     /// Why a time cannot be that of a new epoch, and against which time.
     pub(crate) fn refuses(&self, time: GpsTime) -> Option<(&'static str, GpsTime)> {
         let held = self.held.as_ref().map(|held| held.time);
@@ -54,11 +68,11 @@ impl TimeOrder {
         }
     }
 
-    /// Takes an epoch that [`TimeOrder::refuses`] does not, and the line that it began in. `stated`: where the recording says that
+    /// Takes an epoch that [`TimeOrder::refuses`] does not, and the line or frame that it began in. `stated`: where the recording says that
     /// it begins.
     pub(crate) fn epoch(
         &mut self,
-        (line, epoch): (u64, ObservationEpoch),
+        (number, epoch): (u64, ObservationEpoch),
         stated: Option<GpsTime>,
         skips: &mut Skips,
         out: Out<'_>,
@@ -67,7 +81,7 @@ impl TimeOrder {
         let goes_on = self.goes_on(time, stated);
         if let Some(held) = self.held.take() {
             if goes_on || time < held.time {
-                drop_held(held, time, skips, out);
+                self.drop(held, time, skips, out);
             } else {
                 self.last = Some(held.time);
                 held.records.into_iter().for_each(&mut *out);
@@ -77,7 +91,7 @@ impl TimeOrder {
             self.last = Some(time);
             out(Record::Epoch(epoch));
         } else {
-            self.held = Some(Held { time, line, records: vec![Record::Epoch(epoch)] });
+            self.held = Some(Held { time, number, records: vec![Record::Epoch(epoch)] });
         }
     }
 
@@ -97,17 +111,17 @@ impl TimeOrder {
             return held.records.into_iter().for_each(out);
         };
         skips.add("last epoch more than a day from the one before, left out", || {
-            format!("line {}: {} after {reference}", held.line, held.time)
+            format!("{} {}: {} after {reference}", self.unit, held.number, held.time)
         });
         others(held).for_each(out);
     }
-}
 
-fn drop_held(held: Held, next: GpsTime, skips: &mut Skips, out: Out<'_>) {
-    skips.add("epoch far from the one after it, left out", || {
-        format!("line {}: {}, then {next}", held.line, held.time)
-    });
-    others(held).for_each(out);
+    fn drop(&self, held: Held, next: GpsTime, skips: &mut Skips, out: Out<'_>) {
+        skips.add("epoch far from the one after it, left out", || {
+            format!("{} {}: {}, then {next}", self.unit, held.number, held.time)
+        });
+        others(held).for_each(out);
+    }
 }
 
 /// What is not in doubt.

@@ -35,10 +35,11 @@ use std::collections::{BTreeMap, VecDeque};
 
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::decode::{Decoder, Record, WrongStream};
-use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId};
+use crate::gnss::{Constellation, LossOfLock, Observation, ObservationEpoch, SatelliteId};
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
 use crate::time::GpsTime;
+use crate::time_order::TimeOrder;
 use epoch::{Family, Part};
 
 /// After this many bytes without a frame the stream is not RTCM 3. A line may be noisy at the start, but not for so long.
@@ -49,6 +50,8 @@ const MIN_PSEUDORANGE_M: f64 = 1e6;
 const MAX_SATELLITE: u8 = 63;
 /// QZSS satellites of the mask.
 const MAX_QZSS: u8 = 10;
+/// What a stream is counted in.
+const UNIT: &str = "frame";
 /// Why a GLONASS phase is left out.
 const NO_CHANNEL: &str = "phase and Doppler without a known GLONASS channel";
 
@@ -74,6 +77,7 @@ pub struct RtcmDecoder {
     framer: frame::Framer,
     clock: clock::StreamClock,
     assembler: epoch::Assembler,
+    order: TimeOrder,
     locks: lock::LockTimes,
     legacy: legacy::Memory,
     glonass_channels: BTreeMap<u8, i8>,
@@ -96,6 +100,7 @@ impl RtcmDecoder {
             framer: frame::Framer::default(),
             clock: clock::StreamClock { near, leap_seconds: options.leap_seconds },
             assembler: epoch::Assembler::default(),
+            order: TimeOrder::of(UNIT),
             locks: lock::LockTimes::default(),
             legacy: legacy::Memory::default(),
             glonass_channels: BTreeMap::new(),
@@ -177,7 +182,20 @@ impl RtcmDecoder {
             message.cells.iter().filter_map(|cell| self.observation(time, &message, cell)).collect();
         let part = Part { time, family: Family::Msm, more_follow: message.more_follow, observations };
         let complete = self.assembler.add(part, &mut self.skips);
-        self.records.extend(complete.into_iter().flatten().map(Record::Epoch));
+        self.give(complete.into_iter().flatten());
+    }
+
+    /// Hands over epochs that are complete, unless they have to wait for the next one. Only a stream that was set back, which
+    /// is counted already, brings one from before: it begins anew.
+    fn give(&mut self, complete: impl IntoIterator<Item = ObservationEpoch>) {
+        for epoch in complete {
+            if self.order.refuses(epoch.time_gps).is_some() {
+                self.order = TimeOrder::of(UNIT);
+            }
+            let frame = self.framer.frames();
+            self.order
+                .epoch((frame, epoch), None, &mut self.skips, &mut |record| self.records.push_back(record));
+        }
     }
 
     /// The time of an observation message that is not too late; the stream's clock follows it.
@@ -348,7 +366,9 @@ impl Decoder for RtcmDecoder {
 
     fn finish(&mut self) -> Result<(), WrongStream> {
         self.drain(true);
-        self.records.extend(self.assembler.finish(&mut self.skips).map(Record::Epoch));
+        let last = self.assembler.finish(&mut self.skips);
+        self.give(last);
+        self.order.finish(None, &mut self.skips, &mut |record| self.records.push_back(record));
         self.check_kind(true)
     }
 

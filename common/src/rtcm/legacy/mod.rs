@@ -11,7 +11,6 @@ use super::epoch::{Family, Part};
 use super::lock::LockTimes;
 use super::{MIN_PSEUDORANGE_M, NO_CHANNEL, RtcmDecoder};
 use crate::constants::SPEED_OF_LIGHT_MPS;
-use crate::decode::Record;
 use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId, SignalCode};
 use crate::time::GpsTime;
 use fields::{Kind, Satellite, Tracked};
@@ -69,7 +68,7 @@ impl RtcmDecoder {
         }
         let part = Part { time, family: Family::Legacy, more_follow: message.more_follow, observations };
         let complete = self.assembler.add(part, &mut self.skips);
-        self.records.extend(complete.into_iter().flatten().map(Record::Epoch));
+        self.give(complete.into_iter().flatten());
     }
 
     /// The satellite that a number means; its channel is learnt.
