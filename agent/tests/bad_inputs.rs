@@ -281,6 +281,10 @@ fn absurd_times() {
         (rinex_3(12), "> 2020", "> 9999", "epoch line cannot be read"),
         (rinex_3(12), "> 2020", "> 2120", "epoch far from the one after it, left out"),
         (compact(12), "> 2020", "> 2120", "epoch far from the one after it, left out"),
+        // An hour of the same day.
+        (rinex_2(12), " 20  8 13 14", " 20  8 13 19", "epoch far from the one after it, left out"),
+        (rinex_3(12), "> 2020 08 13 14", "> 2020 08 13 19", "epoch far from the one after it, left out"),
+        (compact(12), "> 2020 08 13 14", "> 2020 08 13 19", "epoch far from the one after it, left out"),
     ] {
         let bytes = recording.replaced(4..5, from, to.as_bytes());
         bench.check(&format!("{} '{to}'", recording.name), &bytes, EPOCHS - 1, reason);
@@ -288,6 +292,10 @@ fn absurd_times() {
     let mut stream = rtcm(12);
     stream.epochs[4] = frame(&msm4(1_074, 700_000_000, &[7, 8], 74));
     bench.check("RTCM 3", &stream.bytes(), EPOCHS - 1, "message with an impossible time");
+    // Ten messages after it are late until it is clear which time is wrong.
+    let mut stream = rtcm(30);
+    stream.epochs[4] = frame(&msm4(1_074, 450_000_000, &[7, 8], 74));
+    bench.check("RTCM 3", &stream.bytes(), 30 - 11, "epoch far from the one after it, left out");
     // One line of two; the other satellite keeps the epoch.
     let bytes = log(12).replaced(4..5, "Raw,5", b"Raw,9995");
     bench.check("GnssLogger", &bytes, EPOCHS, "mask: pseudorange");

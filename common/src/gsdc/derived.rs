@@ -215,7 +215,7 @@ impl Table {
             return false;
         }
         let is_far = self.latest.is_some_and(|latest| time - latest > LONG_STEP_S);
-        if is_far && !self.suspect.is_some_and(|suspect| suspect < time) {
+        if is_far && self.suspect.is_none_or(|suspect| suspect >= time) {
             self.drop_suspect(|suspect| suspect > time, skips);
             self.suspect = Some(time);
             return true;
