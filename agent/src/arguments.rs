@@ -60,17 +60,24 @@ pub(crate) fn trust(caster_ca: Option<&Path>, is_used: bool) -> anyhow::Result<T
     Ok(Trust::with_file(path)?)
 }
 
+/// What is read.
 #[derive(Debug, Args)]
-pub(crate) struct Inspect {
-    /// Recordings of any format that is read, and RINEX navigation files (.gz and .Z too)
+pub(crate) struct Files {
+    /// Recordings of any format that is read, in order of time, and RINEX navigation files (.gz and .Z too)
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
-    /// JSON instead of a table: a list with one object per file
-    #[arg(long)]
-    pub(crate) json: bool,
     /// An instant within three days of the recordings, for RTCM 3 [GPS time, YYYY-MM-DDThh:mm:ss]
     #[arg(long, value_name = "TIME")]
     pub(crate) date: Option<GpsTime>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Inspect {
+    #[command(flatten)]
+    pub(crate) read: Files,
+    /// JSON instead of a table: a list with one object per file
+    #[arg(long)]
+    pub(crate) json: bool,
     /// With orbits, recordings are processed too, and what masks and RAIM take is counted
     #[command(flatten)]
     pub(crate) products: ProductFiles,
@@ -82,18 +89,14 @@ pub(crate) struct Inspect {
 
 #[derive(Debug, Args)]
 pub(crate) struct Convert {
-    /// Recordings of any format that is read (.gz and .Z too), in order of time
-    #[arg(required = true, value_name = "FILE")]
-    pub(crate) files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) read: Files,
     /// Observation file to write
     #[arg(long, value_name = "OUT", required_unless_present = "navigation")]
     pub(crate) observations: Option<PathBuf>,
     /// Navigation file to write, of the messages that the recordings carry
     #[arg(long, value_name = "OUT")]
     pub(crate) navigation: Option<PathBuf>,
-    /// An instant within three days of the recordings, for RTCM 3 [GPS time, YYYY-MM-DDThh:mm:ss]
-    #[arg(long, value_name = "TIME")]
-    pub(crate) date: Option<GpsTime>,
     /// Signals of GnssLogger text weaker than this are left out [dB-Hz; default 15]
     #[arg(long, value_name = "DBHZ")]
     pub(crate) cn0_mask: Option<f64>,

@@ -5,7 +5,7 @@ mod arguments;
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
-use arguments::{Arguments, Command, Convert, Inspect};
+use arguments::{Arguments, Command, Convert, Files, Inspect};
 use clap::Parser;
 use cofix_agent::convert::Outputs;
 use cofix_agent::input::ntrip::{self, Caster};
@@ -53,13 +53,13 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
 /// A file that cannot be used does not keep the others from being shown; the exit code tells.
 fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
     let options = InspectOptions {
-        reading: Reading { near: arguments.date, log: arguments.log.with(&arguments.masks)? },
+        reading: Reading { near: arguments.read.date, log: arguments.log.with(&arguments.masks)? },
         products: ProductSource::Files(arguments.products.clone()),
         correction: arguments.masks.apply(CorrectionOptions::default())?,
     };
     let mut inspections = Vec::new();
     let mut failed = 0;
-    for path in &arguments.files {
+    for path in &arguments.read.files {
         match cofix_agent::inspect::inspect_any(path, &options, &Stop::default()) {
             Ok(inspection) => inspections.push(inspection),
             Err(error) => {
@@ -74,7 +74,7 @@ fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
         inspections.iter().map(ToString::to_string).collect()
     };
     print(&text)?;
-    anyhow::ensure!(failed == 0, "{failed} of {} files cannot be used", arguments.files.len());
+    anyhow::ensure!(failed == 0, "{failed} of {} files cannot be used", arguments.read.files.len());
     Ok(())
 }
 
@@ -87,7 +87,7 @@ fn print(text: &str) -> anyhow::Result<()> {
 }
 
 fn convert(arguments: Convert) -> anyhow::Result<()> {
-    let Convert { files, observations, navigation, date, cn0_mask, log } = arguments;
+    let Convert { read: Files { files, date }, observations, navigation, cn0_mask, log } = arguments;
     let outputs = Outputs { observations, navigation };
     let log = log.with(&Masks { cn0_dbhz: cn0_mask, ..Masks::default() })?;
     let reading = Reading { near: date, log };

@@ -26,6 +26,7 @@ mod glonass;
 mod legacy;
 mod lock;
 mod msm;
+mod navigation;
 mod signals;
 mod station;
 
@@ -275,64 +276,6 @@ impl RtcmDecoder {
             || observation.cn0_dbhz.is_some();
         any.then_some(observation)
     }
-
-    fn ephemeris(&mut self, bytes: &[u8], number: u32) {
-        match ephemeris::decode(bytes, number, self.clock.near) {
-            Ok(ephemeris) => {
-                let known = self.ephemerides.insert((ephemeris.satellite, number), ephemeris);
-                if !known.is_some_and(|known| is_same_issue(&known, &ephemeris)) {
-                    self.records.push_back(Record::Ephemeris(Box::new(ephemeris)));
-                }
-            }
-            Err(fault) => self.faulty_ephemeris(bytes, number, fault),
-        }
-    }
-
-    fn faulty_ephemeris(&mut self, bytes: &[u8], number: u32, fault: ephemeris::Fault) {
-        match fault {
-            ephemeris::Fault::TooShort => self.too_short(bytes, number),
-            ephemeris::Fault::Impossible(detail) => {
-                self.skips.add("ephemeris with impossible values", || format!("message {number}: {detail}"));
-            }
-        }
-    }
-
-    fn glonass_ephemeris(&mut self, bytes: &[u8]) {
-        if let Ok((slot, channel)) = glonass::channel(bytes) {
-            self.glonass_channels.insert(slot, channel);
-        }
-        match glonass::decode(bytes, &self.clock, self.told_time) {
-            Ok(ephemeris) => {
-                let known = self.glonass_ephemerides.insert(ephemeris.satellite.number, ephemeris);
-                if known != Some(ephemeris) {
-                    self.records.push_back(Record::Glonass(Box::new(ephemeris)));
-                }
-            }
-            Err(fault) => self.faulty_ephemeris(bytes, 1020, fault),
-        }
-    }
-
-    fn station_position(&mut self, bytes: &[u8], number: u32) {
-        match station::decode(bytes, number) {
-            Ok(station) => self.station = Some(station),
-            Err(ephemeris::Fault::TooShort) => self.too_short(bytes, number),
-            Err(ephemeris::Fault::Impossible(detail)) => {
-                self.skips.add("station position that cannot be", || format!("message {number}: {detail}"));
-            }
-        }
-    }
-}
-
-/// Equal ephemerides; the group delay that F/NAV lacks is not a number and never equals itself.
-fn is_same_issue(a: &KeplerEphemeris, b: &KeplerEphemeris) -> bool {
-    let known = |e: &KeplerEphemeris| KeplerEphemeris {
-        group_delays_s: (
-            e.group_delays_s.0,
-            if e.group_delays_s.1.is_nan() { 0.0 } else { e.group_delays_s.1 },
-        ),
-        ..*e
-    };
-    known(a) == known(b)
 }
 
 /// System and resolution of a multiple signal message (RTCM 10403.3, list of messages).
