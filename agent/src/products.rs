@@ -145,8 +145,8 @@ pub struct OwnNavigation {
 }
 
 /// What tells a message from others: satellite, kind, reference times of orbit and clock, issue of data, and what may
-/// change without a new one: health, accuracy, group delays.
-type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, [u64; 4]);
+/// change without a new one: health, accuracy, group delays, clock (Galileo's of E1 and of E5b may differ in the last bit).
+type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, [u64; 5]);
 
 impl OwnNavigation {
     /// Takes a record's ephemeris; gives back the epoch of any other record. Events change nothing.
@@ -163,7 +163,7 @@ impl OwnNavigation {
     fn add_kepler(&mut self, e: KeplerEphemeris) {
         let kind = e.message as u8;
         let (first, second) = e.group_delays_s;
-        let rest = [e.health, e.accuracy_m, first, second].map(f64::to_bits);
+        let rest = [e.health, e.accuracy_m, first, second, e.clock.0].map(f64::to_bits);
         if self.known.insert((e.satellite, kind, e.toe, e.toc, e.issue_of_data, rest)) {
             self.file.ephemerides.push(e);
         }
@@ -171,7 +171,7 @@ impl OwnNavigation {
 
     fn add_glonass(&mut self, e: GlonassEphemeris) {
         let health = u64::from(e.health.unwrap_or_default());
-        if self.known.insert((e.satellite, 0, e.toe, e.toe, 0, [health, 0, 0, 0])) {
+        if self.known.insert((e.satellite, 0, e.toe, e.toe, 0, [health, 0, 0, 0, 0])) {
             self.file.glonass.push(e);
         }
     }
@@ -259,7 +259,7 @@ E12 2024 06 24 08 20 00-1.095227780752E-03-1.594457899046E-11 0.000000000000E+00
 
     /// Of a recorded day: new group delays in a message that is otherwise the one before.
     #[test]
-    fn messages_are_kept_once_but_new_group_delays_are_news() {
+    fn messages_are_kept_once_but_what_is_new_in_them_is_news() {
         let file = |text: &str| NavigationFile::parse(text.as_bytes()).unwrap();
         let delays = "-8.614733815193E-09-8.847564458847E-09";
         let mut own = OwnNavigation::default();
@@ -268,5 +268,8 @@ E12 2024 06 24 08 20 00-1.095227780752E-03-1.594457899046E-11 0.000000000000E+00
         assert_eq!(own.file.ephemerides.len(), 1);
         own.add_file(file(&GALILEO.replace(delays, "-9.546056389809E-09-9.546056389809E-09")));
         assert_eq!(own.file.ephemerides.len(), 2);
+        own.add_file(file(&GALILEO.replace("-1.095227780752E-03", "-1.095227722544E-03")));
+        own.add_file(file(&GALILEO.replace("3.120000000000E+00", "4.120000000000E+00")));
+        assert_eq!(own.file.ephemerides.len(), 4, "clocks by another signal, and accuracies, are too");
     }
 }
