@@ -135,12 +135,7 @@ impl Frame {
         let joined = join(&self.pieces, geostationary);
         check_week(satellite, &joined, self.start)?;
         let ephemeris = ephemeris(satellite, &joined, references(satellite, &joined, self.start)?);
-        if self.given == Some(ephemeris) {
-            return Ok(None);
-        }
-        plausible::check(&ephemeris)?;
-        self.given = Some(ephemeris);
-        Ok(Some(ephemeris))
+        plausible::news(&mut self.given, ephemeris)
     }
 }
 

@@ -80,19 +80,8 @@ impl Pages {
         }
         check_week(satellite, unsigned(&one, 155, 12), now)?;
         let ephemeris = ephemeris(satellite, &[one, two, three, four], now)?;
-        if self.given.is_some_and(|given| same(&given, &ephemeris)) {
-            return Ok(None);
-        }
-        plausible::check(&ephemeris)?;
-        self.given = Some(ephemeris);
-        Ok(Some(ephemeris))
+        plausible::news(&mut self.given, ephemeris)
     }
-}
-
-/// Whether two ephemerides are equal but for the group delay that neither has.
-fn same(a: &KeplerEphemeris, b: &KeplerEphemeris) -> bool {
-    let known = |e: &KeplerEphemeris| KeplerEphemeris { group_delays_s: (e.group_delays_s.0, 0.0), ..*e };
-    known(a) == known(b)
 }
 
 /// Section 4.2 of the ICD. Pages count from 1 here, bits from 0.

@@ -61,12 +61,7 @@ impl Words {
         }
         check_week(satellite, unsigned(&five, 73, 12), now)?;
         let ephemeris = ephemeris(satellite, &[one, two, three, four, five], now)?;
-        if self.given == Some(ephemeris) {
-            return Ok(None);
-        }
-        plausible::check(&ephemeris)?;
-        self.given = Some(ephemeris);
-        Ok(Some(ephemeris))
+        plausible::news(&mut self.given, ephemeris)
     }
 }
 

@@ -130,12 +130,7 @@ impl Frames {
             return Ok(None);
         }
         let ephemeris = ephemeris(satellite, &first, &second.data, &third.data)?;
-        if self.given == Some(ephemeris) {
-            return Ok(None);
-        }
-        plausible::check(&ephemeris)?;
-        self.given = Some(ephemeris);
-        Ok(Some(ephemeris))
+        plausible::news(&mut self.given, ephemeris)
     }
 }
 

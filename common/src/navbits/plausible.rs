@@ -7,8 +7,24 @@ use crate::orbit::{GlonassEphemeris, KeplerEphemeris, RADIUS_BOUNDS_M, SPEED_BOU
 /// Reference times of orbit and clock are never farther apart than this, s.
 const MAX_TOE_TOC_S: f64 = 86_400.0;
 
+/// The ephemeris that a satellite's pieces make, if it is another than the one given before.
+///
+/// # Errors
+/// When it cannot be one.
+pub(super) fn news(
+    given: &mut Option<KeplerEphemeris>,
+    ephemeris: KeplerEphemeris,
+) -> Result<Option<KeplerEphemeris>, Refused> {
+    if given.is_some_and(|given| given.is_same_as(&ephemeris)) {
+        return Ok(None);
+    }
+    check(&ephemeris)?;
+    *given = Some(ephemeris);
+    Ok(*given)
+}
+
 /// Refuses an ephemeris that cannot be one: a wrong bit that parity did not find, or a test transmission.
-pub(super) fn check(ephemeris: &KeplerEphemeris) -> Result<(), Refused> {
+fn check(ephemeris: &KeplerEphemeris) -> Result<(), Refused> {
     let limits = [
         ("sqrt(A)", ephemeris.sqrt_a, 4e3, 8e3),
         ("eccentricity", ephemeris.eccentricity, 0.0, 0.5),

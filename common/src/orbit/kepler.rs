@@ -66,3 +66,15 @@ pub struct KeplerEphemeris {
     /// Issue of the clock's data (IODC, AODC); of Galileo IODnav, which is of both.
     pub issue_of_clock: u32,
 }
+
+impl KeplerEphemeris {
+    /// Whether two messages say the same. The group delay that F/NAV lacks is not a number, which never equals itself; here it
+    /// does.
+    pub(crate) fn is_same_as(&self, other: &Self) -> bool {
+        let known = |e: &Self| {
+            let (first_s, second_s) = e.group_delays_s;
+            Self { group_delays_s: (first_s, if second_s.is_nan() { 0.0 } else { second_s }), ..*e }
+        };
+        known(self) == known(other)
+    }
+}

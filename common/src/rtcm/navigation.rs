@@ -2,14 +2,13 @@
 
 use super::{RtcmDecoder, ephemeris, glonass, station};
 use crate::decode::Record;
-use crate::orbit::KeplerEphemeris;
 
 impl RtcmDecoder {
     pub(super) fn ephemeris(&mut self, bytes: &[u8], number: u32) {
         match ephemeris::decode(bytes, number, self.clock.near) {
             Ok(ephemeris) => {
                 let known = self.ephemerides.insert((ephemeris.satellite, number), ephemeris);
-                if !known.is_some_and(|known| is_same_issue(&known, &ephemeris)) {
+                if !known.is_some_and(|known| known.is_same_as(&ephemeris)) {
                     self.records.push_back(Record::Ephemeris(Box::new(ephemeris)));
                 }
             }
@@ -50,16 +49,4 @@ impl RtcmDecoder {
             }
         }
     }
-}
-
-/// Equal ephemerides; the group delay that F/NAV lacks is not a number and never equals itself.
-fn is_same_issue(a: &KeplerEphemeris, b: &KeplerEphemeris) -> bool {
-    let known = |e: &KeplerEphemeris| KeplerEphemeris {
-        group_delays_s: (
-            e.group_delays_s.0,
-            if e.group_delays_s.1.is_nan() { 0.0 } else { e.group_delays_s.1 },
-        ),
-        ..*e
-    };
-    known(a) == known(b)
 }
