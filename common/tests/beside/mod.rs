@@ -1,6 +1,6 @@
 //! Recordings and reference vectors that lie beside the repository, when they are there.
 
-#![allow(dead_code, clippy::unwrap_used, clippy::indexing_slicing)] // not every test uses everything; helpers of tests
+#![allow(dead_code, clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)] // not every test uses everything; helpers of tests
 
 use std::path::PathBuf;
 
@@ -17,6 +17,11 @@ pub fn file(path: &str) -> Option<PathBuf> {
 /// Its bytes.
 pub fn shared(path: &str) -> Option<Vec<u8>> {
     file(path).map(|path| std::fs::read(path).unwrap())
+}
+
+/// Its bytes, for a test that is `#[ignore]`d because it needs them: without the file it fails.
+pub fn required(path: &str) -> Vec<u8> {
+    shared(path).unwrap_or_else(|| panic!("{path} is not beside the repository, and this test needs it"))
 }
 
 /// The challenge table of the Pixel 4, which is kept in parts with a header each.
