@@ -250,7 +250,8 @@ fn a_base_of_thirty_seconds() {
 
 #[test]
 fn a_phone_and_a_base_at_some_distance() {
-    use cofix_common::gsdc::{DerivedEpoch, DerivedFile, ground_truth};
+    use cofix_common::gsdc::{DerivedFile, ground_truth};
+    use cofix_common::measurement::RecordedEpoch;
     let folder = "data/gsdc-2020-05-14-mtv1";
     let (Some(products), Some(base), Some(truth)) = (
         products(&format!("{folder}/hour1350.20n")),
@@ -266,7 +267,7 @@ fn a_phone_and_a_base_at_some_distance() {
         table.extend_from_slice(&bytes[header..]);
     }
     let rover =
-        DerivedFile::parse(&table).unwrap().epochs.iter().map(DerivedEpoch::to_observations).collect();
+        DerivedFile::parse(&table).unwrap().epochs.iter().map(RecordedEpoch::to_observations).collect();
     let (truth, _) = ground_truth(&truth).unwrap();
     let at = |time: GpsTime| truth.at(time, &[1]).map(|point| point.position);
     let mut session = Session {
