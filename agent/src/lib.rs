@@ -13,10 +13,12 @@
 mod config;
 pub mod convert;
 pub mod corrections;
+pub mod files;
 pub mod format;
 mod history;
 pub mod input;
 pub mod inspect;
+pub mod kinds;
 pub mod link;
 pub mod masks;
 mod pace;

@@ -1,6 +1,6 @@
 //! The command line of the hub.
 
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -10,6 +10,7 @@ use clap::{Parser, Subcommand};
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
 use cofix_common::simulation::Scenario;
+use cofix_console::{LevelFilter, Lines, Verbosity, conclude, start_log};
 use cofix_hub::align::AlignOptions;
 use cofix_hub::files::{Named, ReportFile, check_absent, check_outputs, inputs};
 use cofix_hub::live::{self, LiveOptions};
@@ -18,10 +19,12 @@ use cofix_hub::session::Session;
 
 /// Fuses the phones of a group in one constrained filter, publishes, records and scores.
 #[derive(Debug, Parser)]
-#[command(version)]
+#[command(version = cofix_console::VERSION)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
+    #[command(flatten)]
+    verbosity: Verbosity,
 }
 
 #[derive(Debug, Subcommand)]
@@ -86,26 +89,13 @@ fn latency(text: &str) -> Result<f64, String> {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    log_to_stderr(&arguments.command);
-    match run_until_asked_to_end(move |stop| execute(arguments.command, stop)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            tracing::error!("{error:#}");
-            ExitCode::FAILURE
-        }
-    }
-}
-
-/// A live hub tells who comes and goes; elsewhere only what is wrong is said. `RUST_LOG` overrides.
-fn log_to_stderr(command: &Command) {
-    let own = if matches!(command, Command::Run { .. }) { "info" } else { "warn" };
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(format!("error,cofix_hub={own}")));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .init();
+    // A live hub tells who comes and goes; elsewhere only what is wrong is said.
+    let (usual, lines) = match arguments.command {
+        Command::Run { .. } => (LevelFilter::INFO, Lines::Timed),
+        Command::Replay { .. } | Command::Demo { .. } => (LevelFilter::WARN, Lines::Plain),
+    };
+    start_log(arguments.verbosity, usual, lines);
+    conclude(run_until_asked_to_end(move |stop| execute(arguments.command, stop)))
 }
 
 fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
@@ -118,14 +108,14 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             }
             let align = AlignOptions::with_latency(Duration::from_secs_f64(latency));
             let options = LiveOptions { listen, recording: outputs.recording, until_finished, align };
-            conclude(&live::run(&session, &options, stop)?, report)
+            end(&live::run(&session, &options, stop)?, report)
         }
         Command::Replay { session: file, speed, outputs } => {
             let session = Session::read(&file)?;
             let report = outputs.prepare(&inputs(&file, &session))?;
             let plan = Plan::from_session(&session)?;
             let options = ReplayOptions { recording: outputs.recording, speed, progress: true };
-            conclude(&replay(&plan, &options, stop)?, report)
+            end(&replay(&plan, &options, stop)?, report)
         }
         Command::Demo { recording, report } => {
             let outputs = OutputArguments { recording: Some(recording), report };
@@ -133,7 +123,7 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             let plan = cofix_hub::demo::plan(Scenario::default())?;
             let options =
                 ReplayOptions { recording: outputs.recording, speed: Speed::Maximum, progress: true };
-            conclude(&replay(&plan, &options, stop)?, report)
+            end(&replay(&plan, &options, stop)?, report)
         }
     }
 }
@@ -150,7 +140,7 @@ impl OutputArguments {
 }
 
 /// Prints the table, then writes the report.
-fn conclude(outcome: &Outcome, report: Option<ReportFile>) -> anyhow::Result<()> {
+fn end(outcome: &Outcome, report: Option<ReportFile>) -> anyhow::Result<()> {
     let printed = print(outcome);
     if let Some(report) = report {
         report.write(&outcome.report.json()?)?;
