@@ -11,7 +11,7 @@ use cofix_common::orbit::Products;
 use cofix_common::rinex::NavigationFile;
 use cofix_common::simulation::PhoneOptions;
 use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
-use cofix_tests::{plan_of, small_plan};
+use cofix_tests::{limits, plan_of, small_plan};
 use cofix_viewer::summary::Summary;
 
 fn run(plan: &Plan) -> anyhow::Result<Outcome> {
@@ -157,7 +157,7 @@ fn a_replay_that_is_aborted_leaves_nothing_behind() {
         ..ReplayOptions::default()
     };
     let asked = stop.clone();
-    let thread = std::thread::spawn(move || replay(&small_plan(2, 600.0).unwrap(), &options, &asked));
+    let thread = limits::spawn(move || replay(&small_plan(2, 600.0).unwrap(), &options, &asked));
     // Until it is at work, and writes under another name.
     let start = std::time::Instant::now();
     while !at("session.partial.rrd").exists() && start.elapsed() < Duration::from_mins(1) {
@@ -201,7 +201,7 @@ fn a_recording_that_breaks_off_costs_nothing_else() {
     let path = folder.path().join("session.rrd");
     assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
     let reader = path.clone();
-    let reader = std::thread::spawn(move || {
+    let reader = limits::spawn(move || {
         let mut first = Vec::new();
         std::fs::File::open(reader).unwrap().take(200_000).read_to_end(&mut first).unwrap()
     });
