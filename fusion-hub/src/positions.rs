@@ -183,10 +183,7 @@ mod tests {
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], COLUMNS.join(","));
         assert_eq!(lines.len(), 3, "an epoch without a state has no row: {text}");
-        assert!(
-            lines[1].contains(r#",1,3.0000,2.0000,4.0000,1.0000,1.0000,1.0000,0,reliable,joint"#),
-            "{text}"
-        );
+        assert!(lines[1].contains(",1,3.0000,2.0000,4.0000,1.0000,1.0000,1.0000,0,reliable,joint"), "{text}");
         assert!(lines[2].ends_with(",,,joint") && lines[2].contains(",4,3.0000"), "{text}");
         let (truth, skips) = Truth::parse_csv(&bytes).unwrap();
         assert!(skips.is_empty(), "{skips}");

@@ -232,7 +232,9 @@ mod tests {
         let longitudes = |origin_deg, fixes: &[f64]| {
             let frame = LocalFrame::at(at(origin_deg));
             let mut track = Track::new("a", Method::Joint);
-            fixes.iter().for_each(|&fix| track.push(0, &frame, Some(at(fix)), None));
+            for &fix in fixes {
+                track.push(0, &frame, Some(at(fix)), None);
+            }
             let of =
                 |stretch: &Stretch| stretch.latitude_longitude_deg.iter().map(|p| p[1]).collect::<Vec<_>>();
             track.stretches.iter().map(of).collect::<Vec<_>>()
