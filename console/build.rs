@@ -20,19 +20,14 @@ fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=commit.txt");
     println!("cargo::rerun-if-env-changed=COFIX_COMMIT");
-    println!("cargo::rustc-env=COFIX_BUILD={}", build());
-}
-
-fn build() -> String {
-    if let Ok(commit) = std::env::var("COFIX_COMMIT")
-        && is_word(&commit)
-    {
-        return commit;
+    let is_release = std::env::var("PROFILE").as_deref() == Ok("release");
+    let told = std::env::var("COFIX_COMMIT").ok().filter(|commit| is_word(commit));
+    let known = told.or_else(|| if is_release { by_git().or_else(by_archive) } else { None });
+    if let Some(commit) = &known {
+        println!("cargo::rustc-env=COFIX_KNOWN_COMMIT={commit}");
     }
-    if std::env::var("PROFILE").as_deref() != Ok("release") {
-        return "debug build".to_owned();
-    }
-    by_git().or_else(by_archive).unwrap_or_else(|| "commit unknown".to_owned())
+    let unknown = if is_release { "commit unknown" } else { "debug build" };
+    println!("cargo::rustc-env=COFIX_BUILD={}", known.as_deref().unwrap_or(unknown));
 }
 
 /// The commit of the repository whose top this workspace is, with a mark when tracked files differ from it.

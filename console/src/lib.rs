@@ -12,8 +12,10 @@ use tracing_subscriber::registry::LookupSpan;
 
 pub use tracing::level_filters::LevelFilter;
 
-/// What a program is built from: a commit (with ", modified" when tracked files differed from it), "debug build" or "commit unknown".
+/// What a program is built from: [`COMMIT`], else "debug build" or "commit unknown".
 pub const BUILD: &str = env!("COFIX_BUILD");
+/// The commit that a program is built from, with ", modified" when tracked files differed from it; `None` when it is not known.
+pub const COMMIT: Option<&str> = option_env!("COFIX_KNOWN_COMMIT");
 /// Version and build, as `--version` says them.
 pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("COFIX_BUILD"), ")");
 
