@@ -477,6 +477,7 @@ fn a_slip_is_told_by_the_next_phase() {
         (row(1, 29, "900"), vec![no, yes, no]),
         (without_range(row(1, 5, "")), vec![no, yes, no]),
         (without_times(row(1, 5, "")), vec![no, yes, no]),
+        (without_times(row(1, 5, "")).replace("GPS_L1_CA", ""), vec![no, yes, no]),
         (row(0, 5, ""), vec![no, yes, no]),
         (row(1, 1, "900"), vec![no, no, no]),
         (row(1, 0, ""), vec![no, None, no, no]),

@@ -162,7 +162,12 @@ fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
         reason: "satellite that is not used",
         detail: format!("constellation type '{}', svid '{}'", shorten(constellation), shorten(number)),
     })?;
-    let name = fields.text(Required::Signal);
+    let on_carrier =
+        || signal::name_on(satellite.constellation, fields.optional(Optional::CarrierFrequency)?);
+    let name = match fields.text(Required::Signal) {
+        "" => on_carrier().unwrap_or_default(),
+        name => name,
+    };
     let code_type = fields.columns.optional(fields.fields, Optional::CodeType);
     let signal = signal::signal(satellite.constellation, name, code_type).ok_or_else(|| Fault {
         reason: "signal that is not used",
