@@ -1,7 +1,7 @@
 //! Android's numbers and the challenge's names to satellites and signals.
 
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
-use crate::gnsslogger::android_satellite;
+use crate::gnsslogger::{android_satellite, channel_only};
 use crate::integer::integer;
 
 /// The satellite of a constellation type and a number, both Android's. `None` for augmentation satellites, unknown types, and
@@ -9,6 +9,13 @@ use crate::integer::integer;
 pub(super) fn satellite(constellation: &str, number: &str) -> Option<SatelliteId> {
     let satellite = android_satellite(integer(constellation)?, integer(number)?).ok()?;
     (satellite.constellation != Constellation::Sbas).then_some(satellite)
+}
+
+/// A GLONASS satellite of which only the frequency channel is known, by its number, and the channel.
+pub(super) fn by_channel(constellation: &str, number: &str) -> Option<(SatelliteId, i8)> {
+    let (constellation, number) = (integer(constellation)?, integer(number)?);
+    let channel = channel_only(constellation, number)?;
+    Some((SatelliteId::new(Constellation::Glonass, u8::try_from(number).ok()?), channel))
 }
 
 /// The signal of a name such as `GPS_L1`, `GAL_E5A`, `BDS_B1I` (2021) or `GPS_L5_Q`, `GAL_E1_C_P`, `BDS_B1_I` (since 2022).
