@@ -68,7 +68,11 @@ pub enum OrbitError {
         satellite: SatelliteId,
     },
     /// The products know the satellite, but not at this time.
-    #[error("{satellite} at {time}: {}the orbits reach from {first} to {last}; name a product that covers it", between(*time, *first, *last))]
+    #[error(
+        "{satellite} at {time}: {}the orbits reach from {first} to {last}; name a product that covers it{}",
+        between(*time, *first, *last),
+        time.rollover_hint(*first)
+    )]
     NotCovered {
         /// The satellite.
         satellite: SatelliteId,
