@@ -13,6 +13,7 @@
 mod config;
 pub mod convert;
 pub mod corrections;
+mod dating;
 pub mod format;
 mod history;
 pub mod input;

@@ -6,7 +6,7 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
 use crate::Stop;
-use crate::format::Format;
+use crate::dating::Dated;
 use crate::input::{Bytes, Portion};
 use crate::stream::StreamDecoder;
 
@@ -32,8 +32,6 @@ pub struct Records {
     /// An instant near the stream's beginning.
     near: GpsTime,
     last: Option<GpsTime>,
-    /// Whether nobody said when the stream was recorded.
-    date_is_guessed: bool,
     /// What was skipped here; the decoder counts for itself.
     skips: Skips,
 }
@@ -49,14 +47,15 @@ impl Records {
             is_anew: false,
             near,
             last: None,
-            date_is_guessed: false,
             skips: Skips::default(),
         }
     }
 
-    /// Records whose `near` is a guess; where the format lacks the week, the skips say so.
-    pub fn with_guessed_date(bytes: Box<dyn Bytes>, near: GpsTime) -> Self {
-        Self { date_is_guessed: true, ..Self::new(bytes, near) }
+    /// The records of a recording whose dates have been found.
+    pub(crate) fn dated(bytes: Box<dyn Bytes>, dated: Dated) -> Self {
+        let Dated { dates, notes } = dated;
+        let near = dates.begins();
+        Self { decoder: StreamDecoder::dated(&dates), skips: notes, ..Self::new(bytes, near) }
     }
 
     /// The same for GnssLogger text read in another way than by default.
@@ -153,11 +152,6 @@ impl Records {
     pub fn skips(&self) -> Skips {
         let mut all = self.decoder.skips().clone();
         all.merge(&self.skips);
-        if self.date_is_guessed && self.decoder.format() == Some(Format::Rtcm3) {
-            all.add("no date was given: the week is that of the file's last change", || {
-                self.last.map_or("no epoch".to_owned(), |last| format!("last epoch {last}; give --date"))
-            });
-        }
         all
     }
 }

@@ -9,9 +9,10 @@ use cofix_common::time::GpsTime;
 use cofix_common::wire::{PhoneStatus, check_name};
 
 use crate::corrections::{Feed, News};
+use crate::input::ntrip::RoverPosition;
 use crate::link::{self, LinkError};
 use crate::pace::Pace;
-use crate::pipeline::PhonePipeline;
+use crate::pipeline::{NO_SOLUTION, PhonePipeline};
 use crate::products::{Loaded, OwnNavigation, note_shortcomings};
 use crate::publication::{Publication, PublicationError, Publisher};
 use crate::source::{self, Opened, Reading, SourceError};
@@ -52,6 +53,8 @@ pub enum AgentError {
 pub struct AgentReport {
     /// Epochs published.
     pub epochs_published: u64,
+    /// Epochs that have a position by themselves.
+    pub solutions: u64,
     /// Whether it was asked to stop before the end.
     pub stopped: bool,
     /// What base stations did for the observations.
@@ -69,10 +72,10 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
     for name in [&config.group, &config.phone] {
         check_name(name).map_err(PublicationError::from)?;
     }
-    let Prepared { products, expected, mut opened, feed, mut skips } = Prepared::new(config, stop)?;
+    let Prepared { products, expected, mut opened, feed, rover, mut skips } = Prepared::new(config, stop)?;
     let Some(session) = link::connect_unless_stopped(&config.connect, config.patience, stop)? else {
         let corrections = DifferentialCounts::default();
-        return Ok(AgentReport { epochs_published: 0, stopped: true, corrections, skips });
+        return Ok(AgentReport { epochs_published: 0, solutions: 0, stopped: true, corrections, skips });
     };
     let publisher =
         Publisher { group: &config.group, phone: &config.phone, kept_messages: config.kept_messages };
@@ -88,6 +91,8 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
         pipeline,
         publication,
         feed,
+        rover,
+        solutions: 0,
         terms_known: false,
         channels_known: 0,
         shortcomings: Skips::default(),
@@ -105,10 +110,17 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
     let finished = finish(config, &work.publication, &outcome, &skips, stop);
     let report = AgentReport {
         epochs_published: work.publication.published(),
+        solutions: work.solutions,
         stopped: stop.is_requested(),
         corrections: work.pipeline.differential_counts(),
         skips,
     };
+    if report.solutions == 0 && report.epochs_published > 0 {
+        let reason = report.skips.iter().find(|(reason, _)| *reason == NO_SOLUTION);
+        let first = reason.map_or(String::new(), |(_, skip)| format!(": {}", skip.first));
+        let (phone, epochs) = (&config.phone, report.epochs_published);
+        tracing::warn!("{phone}: none of {epochs} epochs has a position{first}");
+    }
     let closed = work.publication.close();
     outcome?;
     finished?;
@@ -123,6 +135,7 @@ struct Prepared<'a> {
     expected: Option<u64>,
     opened: Opened<'a>,
     feed: Option<Feed>,
+    rover: RoverPosition,
     skips: Skips,
 }
 
@@ -136,6 +149,8 @@ impl<'a> Prepared<'a> {
         let reading = Reading { near, log: config.log.clone() };
         let has_orbits = products.has_orbits();
         let mut expected = None;
+        let rover = RoverPosition::default();
+        rover.suppose(config.approximate_position);
         if matches!(config.source, Source::Live { .. }) {
             if !has_orbits {
                 tracing::info!("no orbits are named: positions begin when the source has sent its own");
@@ -149,13 +164,19 @@ impl<'a> Prepared<'a> {
             }
             survey.navigation.add_to(&mut products);
             skips.merge(&survey.skips);
+            rover.suppose(survey.station);
             expected = Some(survey.epochs);
         }
         let feed = match &config.corrections {
             none if none.is_none() => None,
-            corrections => Some(Feed::open(corrections, config.source.near().unwrap_or_else(source::now))?),
+            corrections => {
+                rover.suppose(corrections.base_position);
+                let near = config.source.near().unwrap_or_else(source::now);
+                Some(Feed::open(corrections, near, &rover)?)
+            }
         };
-        Ok(Self { products, expected, opened: Opened::open(&config.source, &reading)?, feed, skips })
+        let opened = Opened::open_near(&config.source, &reading, &rover)?;
+        Ok(Self { products, expected, opened, feed, rover, skips })
     }
 }
 
@@ -168,6 +189,10 @@ struct Work<'a> {
     publication: Publication,
     /// Corrections from elsewhere.
     feed: Option<Feed>,
+    /// Where the phone is, for casters.
+    rover: RoverPosition,
+    /// Epochs that have a position by themselves.
+    solutions: u64,
     /// Whether the ionosphere terms of a live source went into the products.
     terms_known: bool,
     /// GLONASS channels of a live source that went into the products.
@@ -196,6 +221,7 @@ impl Work<'_> {
                 self.learn(own, opened);
             }
             let Some(epoch) = epoch else { continue };
+            self.rover.suppose(opened.records().and_then(|records| records.decoder().station()));
             // Of a live source everything is published that has come until the request to stop.
             if pace.wait(epoch.time_gps, self.stop) && !is_live {
                 break;
@@ -207,6 +233,10 @@ impl Work<'_> {
                 Some(records) => self.pipeline.process_last(&epoch, records.decoder()),
                 None => self.pipeline.process(&epoch),
             };
+            self.solutions += u64::from(message.wls.is_some());
+            if let Some(position) = self.pipeline.position() {
+                self.rover.set(position);
+            }
             self.publication.epoch(&message)?;
         }
         Ok(())
@@ -215,9 +245,6 @@ impl Work<'_> {
     /// Takes what corrections are there for an epoch.
     fn hear(&mut self, time_gps: GpsTime) -> Result<(), AgentError> {
         let Some(feed) = &mut self.feed else { return Ok(()) };
-        if let Some(position) = self.pipeline.position() {
-            feed.tell(position);
-        }
         let News { navigation, bases } = feed.until(time_gps, self.stop)?;
         if !navigation.is_empty() {
             self.add_navigation(navigation);

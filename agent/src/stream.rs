@@ -7,7 +7,7 @@ use cofix_common::frames::Ecef;
 use cofix_common::gnsslogger::{self, GnssLoggerDecoder};
 use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch};
 use cofix_common::rinex::{IonosphereTerms, ObservationDecoder, ObservationHeader, leap_seconds_at};
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::rtcm::{RtcmDecoder, RtcmOptions, StreamDates};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
@@ -42,15 +42,27 @@ enum Kind {
     ChallengeTable(Box<DerivedDecoder>),
 }
 
+fn rtcm(near: GpsTime) -> RtcmDecoder {
+    // UTC is behind by seconds only: the same number except around a leap second itself.
+    let leap_seconds = u8::try_from(leap_seconds_at(near)).unwrap_or(0);
+    RtcmDecoder::new(RtcmOptions { near, leap_seconds })
+}
+
 impl StreamDecoder {
     /// At the beginning of a stream. `near` is an instant within three days of its beginning, which RTCM 3 needs: its
     /// messages carry the time of week only.
     pub fn new(near: GpsTime) -> Self {
-        // UTC is behind by seconds only: the same number except around a leap second itself.
-        let leap_seconds = u8::try_from(leap_seconds_at(near)).unwrap_or(0);
-        let probe = Box::new(RtcmDecoder::new(RtcmOptions { near, leap_seconds }));
+        Self::probing(rtcm(near))
+    }
+
+    /// At the beginning of a recording whose dates, if it is RTCM 3, have been found.
+    pub fn dated(dates: &StreamDates) -> Self {
+        Self::probing(rtcm(dates.begins()).with_dates(dates))
+    }
+
+    fn probing(probe: RtcmDecoder) -> Self {
         Self {
-            kind: Kind::Open { start: Vec::new(), probe, false_starts: 0 },
+            kind: Kind::Open { start: Vec::new(), probe: Box::new(probe), false_starts: 0 },
             log: gnsslogger::Options::default(),
             phone: PhoneTally::default(),
         }
