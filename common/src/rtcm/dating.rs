@@ -141,7 +141,7 @@ impl Dating {
         match SentTime::of_message(bytes) {
             Some((Constellation::Sbas, _)) => {}
             Some((Constellation::Glonass, sent)) => {
-                self.glonass.observed(frame, Constellation::Glonass, sent)
+                self.glonass.observed(frame, Constellation::Glonass, sent);
             }
             Some((constellation, sent)) => self.weekly.observed(frame, constellation, sent),
             None => {

@@ -17,9 +17,10 @@ impl Claims {
     /// A satellite's first word counts, or the first that is not next to the end of a week or day.
     pub(super) fn add(&mut self, claim: Claim, now: GpsTime) {
         let is_clear = |claim: &Claim| claim.candidates(now).count() == 1;
+        let has_room = self.0.len() < MOST_CLAIMS;
         match self.0.iter_mut().find(|(known, _)| known.satellite == claim.satellite) {
             Some(known) if !is_clear(&known.0) && is_clear(&claim) => *known = (claim, now),
-            None if self.0.len() < MOST_CLAIMS => self.0.push((claim, now)),
+            None if has_room => self.0.push((claim, now)),
             Some(_) | None => {}
         }
     }
