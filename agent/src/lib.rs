@@ -14,6 +14,7 @@ mod config;
 pub mod convert;
 pub mod corrections;
 mod dating;
+pub mod files;
 pub mod format;
 mod history;
 pub mod input;

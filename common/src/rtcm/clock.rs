@@ -215,7 +215,7 @@ mod tests {
     }
 
     fn resolved(near: &str, constellation: Constellation, sent: SentTime) -> String {
-        clock(near).resolve(constellation, sent).unwrap().time.to_string()
+        clock(near).resolve(constellation, sent).unwrap().time.iso()
     }
 
     #[test]
@@ -264,11 +264,11 @@ mod tests {
             ("2020-08-11T20:00:00", 0, None, None),
             ("2020-08-11T20:00:00", 1_462, Some(7), None),
         ] {
-            let time = clock(near).of_date(day, four_years, millis).map(|time| time.to_string());
+            let time = clock(near).of_date(day, four_years, millis).map(|time| time.iso());
             assert_eq!(time.as_deref(), expected, "{near} {day:?}");
         }
         let nearest = clock("2020-08-11T20:00:00").of_nearest_day(millis).unwrap();
-        assert_eq!(nearest.to_string(), "2020-08-11T14:19:53.000");
+        assert_eq!(nearest.iso(), "2020-08-11T14:19:53.000");
     }
 
     /// Some receivers send Sunday, or the same day, for ever.
@@ -280,7 +280,7 @@ mod tests {
         running.set("2020-08-13T14:19:52".parse().unwrap());
         let resolved = |clock: &StreamClock, day| {
             let resolved = clock.resolve(Glonass, sent(day)).unwrap();
-            (resolved.time.to_string(), resolved.contradicts_day)
+            (resolved.time.iso(), resolved.contradicts_day)
         };
         let right = "2020-08-13T14:19:53.000".to_owned();
         for day in 0..=7 {
