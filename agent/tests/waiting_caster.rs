@@ -4,12 +4,12 @@
 
 mod caster;
 mod hub_support;
+mod limits;
 mod recordings;
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use caster::{head, read_head};
@@ -23,10 +23,10 @@ use hub_support::Hub;
 use recordings::rinex_3;
 
 /// A caster with one connection, on which it sends what it has after a GGA; it hands back the GGA, empty when none came.
-fn waiting_caster(body: Vec<u8>) -> (LiveSource, JoinHandle<String>) {
+fn waiting_caster(body: Vec<u8>) -> (LiveSource, limits::Running<String>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let mount = format!("ntrip://{}/VRS", listener.local_addr().unwrap());
-    let thread = std::thread::spawn(move || {
+    let thread = limits::spawn(move || {
         let (mut connection, _) = listener.accept().unwrap();
         connection.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
         read_head(&mut connection);

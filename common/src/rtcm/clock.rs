@@ -264,7 +264,7 @@ mod tests {
             ("2020-08-11T20:00:00", 0, None, None),
             ("2020-08-11T20:00:00", 1_462, Some(7), None),
         ] {
-            let time = clock(near).of_date(day, four_years, millis).map(|time| time.iso());
+            let time = clock(near).of_date(day, four_years, millis).map(GpsTime::iso);
             assert_eq!(time.as_deref(), expected, "{near} {day:?}");
         }
         let nearest = clock("2020-08-11T20:00:00").of_nearest_day(millis).unwrap();
