@@ -15,6 +15,7 @@
 //! date = "2020-08-13T14:00:00"        # optional, for RTCM 3 without products: an instant within three days of the beginning
 //! recorded_corrections = false        # true: the satellite states and delays of its own recording (challenge tables) in
 //!                                     # place of the products', which need not be named then
+//! shift_weeks = 1024                  # optional: weeks to add to its times, where its week was not rolled over; before [log]'s
 //! [[constraint]]
 //! kind = "distance"                   # every pair of the named phones
 //! phones = ["HP30"]                   # default: all; every constraint has it
@@ -49,6 +50,7 @@
 //! keep_untimed = false                # use times of transmission that no state bit vouches for
 //! keep_invalid_phase = false
 //! bias_reference = "each-epoch"       # or "first-epoch"
+//! shift_weeks = 0                     # weeks to add to the times of all phones, of RINEX and tables too
 //! ```
 //!
 //! Paths are relative to the file. Unknown keys are errors.
@@ -144,6 +146,8 @@ pub struct SessionPhone {
     pub truth: Option<PathBuf>,
     /// Whether its recording's own satellite states and delays are taken, where it has them.
     pub recorded_corrections: bool,
+    /// Weeks to add to its times, in place of those of the session.
+    pub shift_weeks: Option<i64>,
     /// An instant within three days of the recording's beginning.
     pub date: Option<GpsTime>,
 }
@@ -240,6 +244,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
             observations: phone.observations.map(at),
             truth: phone.truth.map(at),
             recorded_corrections: phone.recorded_corrections,
+            shift_weeks: phone.shift_weeks,
         })
     };
     Ok(Session {
