@@ -49,5 +49,6 @@ fn phone(simulation: &Simulation, index: usize, name: &str) -> PlannedPhone {
         truth: Some(Truth::from_points(rows, QUALITY)),
         recorded_corrections: false,
         shift_weeks: None,
+        exclude: Vec::new(),
     }
 }

@@ -10,6 +10,7 @@ use cofix_agent::masks::{LogOptions, MaskError};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, source};
 use cofix_common::accuracy::Truth;
+use cofix_common::measurement::Exclusion;
 use cofix_common::skips::Skips;
 use cofix_common::{gnsslogger, gsdc};
 use zenoh::qos::CongestionControl;
@@ -60,6 +61,8 @@ pub struct PlannedPhone {
     pub recorded_corrections: bool,
     /// Weeks to add to its times, in place of those of the session.
     pub shift_weeks: Option<i64>,
+    /// What is not used of it, beside what the settings exclude for all phones.
+    pub exclude: Vec<Exclusion>,
 }
 
 /// How a replay is made.
@@ -121,6 +124,7 @@ impl Plan {
     pub fn pipeline(&self, phone: &PlannedPhone) -> Result<PipelineOptions, MaskError> {
         let mut options = self.settings.options()?.0;
         options.recorded_corrections = phone.recorded_corrections;
+        options.correction.exclude.extend(&phone.exclude);
         Ok(options)
     }
 
@@ -151,6 +155,7 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
         truth,
         recorded_corrections: phone.recorded_corrections,
         shift_weeks: phone.shift_weeks,
+        exclude: phone.exclude.clone(),
     })
 }
 
@@ -345,6 +350,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn what_is_excluded_of_one_phone_comes_to_what_is_excluded_of_all() {
+        let text = "group = 'g'\n[[phone]]\nname = 'a'\nobservations = 'a'\nexclude = ['C:1C']\n[[phone]]\nname = 'b'\nobservations = 'b'\n[masks]\nexclude = ['E']";
+        let plan = Plan::from_session(&Session::parse(text, Path::new("s.toml")).unwrap()).unwrap();
+        let excluded = |phone: usize| {
+            let options = plan.pipeline(&plan.phones[phone]).unwrap();
+            options.correction.exclude.iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (excluded(0), excluded(1)),
+            (vec!["E".to_owned(), "C:1C".to_owned()], vec!["E".to_owned()])
+        );
+    }
+
+    #[test]
     fn bad_rows_of_a_truth_are_counted_under_its_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("truth.csv");
@@ -358,6 +377,7 @@ mod tests {
             recorded_corrections: false,
             shift_weeks: None,
             date: None,
+            exclude: Vec::new(),
         };
         let (truths, skips) = read_truths_counted(&[phone("a"), phone("b")]).unwrap();
         assert!(truths.iter().all(|(_, truth)| truth.is_some()));

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use cofix_agent::masks::{LogOptions, Masks};
-use cofix_common::measurement::Ionosphere;
+use cofix_common::measurement::{Exclusion, Ionosphere};
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Deserialize)]
@@ -53,6 +53,8 @@ pub(super) struct PhoneEntry {
     pub recorded_corrections: bool,
     pub shift_weeks: Option<i64>,
     pub date: Option<String>,
+    #[serde(default)]
+    pub exclude: Vec<Exclusion>,
 }
 
 /// All keys of all kinds; [`super::rules`] says which belong to which.
