@@ -11,6 +11,7 @@ use cofix_common::gnss::{ObservationEpoch, SatelliteId};
 use cofix_common::orbit::{BiasFile, ClockFile, GlonassEphemeris, KeplerEphemeris, Products, Sp3};
 use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
+use cofix_common::text::content;
 use cofix_common::time::GpsTime;
 
 use crate::input::{Bytes, Portion, Recorded};
@@ -23,6 +24,8 @@ const STALE_GROUP_DELAYS_S: f64 = 7.0 * 86_400.0;
 
 /// Columns of a RINEX header line.
 const FIRST_LINE: usize = 80;
+/// Most bytes that are looked at for the first line with content.
+const MOST_BEFORE: usize = 4_096;
 
 /// Reads products. They may hold no orbits (see [`Products::has_orbits`]): recordings may carry navigation messages of their own.
 ///
@@ -93,12 +96,16 @@ pub(crate) fn navigation_file(path: &Path) -> Result<NavigationFile, SourceError
 pub(crate) fn is_navigation_file(path: &Path, stop: &Stop) -> bool {
     let Ok(mut file) = Recorded::open(path) else { return false };
     let (mut start, mut portion) = (Vec::new(), Vec::new());
-    while start.len() < FIRST_LINE && matches!(file.next(&mut portion, stop), Ok(Portion::Bytes)) {
+    while content(&start).len() < FIRST_LINE
+        && start.len() < MOST_BEFORE
+        && matches!(file.next(&mut portion, stop), Ok(Portion::Bytes))
+    {
         start.append(&mut portion);
     }
+    let start = content(&start);
     let label = start.get(60..FIRST_LINE);
-    let kind = start.get(20).copied().unwrap_or(b' ');
-    label.is_some_and(|label| label == b"RINEX VERSION / TYPE") && b"NGHE".contains(&kind)
+    let kind = start.get(20).copied().unwrap_or(b' ').to_ascii_uppercase();
+    label.is_some_and(|label| label.eq_ignore_ascii_case(b"RINEX VERSION / TYPE")) && b"NGHE".contains(&kind)
 }
 
 /// Reads files of one kind.

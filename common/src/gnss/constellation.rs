@@ -25,9 +25,9 @@ pub enum Constellation {
 }
 
 impl Constellation {
-    /// From the RINEX letter.
+    /// From the RINEX letter, which some writers give in lower case.
     pub const fn from_letter(letter: char) -> Option<Self> {
-        Some(match letter {
+        Some(match letter.to_ascii_uppercase() {
             'G' => Self::Gps,
             'R' => Self::Glonass,
             'E' => Self::Galileo,
@@ -130,6 +130,7 @@ mod tests {
             assert_eq!(text.parse::<SatelliteId>().unwrap().to_string(), text);
         }
         assert_eq!(SatelliteId::from_bytes(*b"G 7").unwrap().to_string(), "G07");
+        assert_eq!(SatelliteId::from_bytes(*b"g07").unwrap().to_string(), "G07");
         for text in ["X01", "G00", "G1", "G100", "Gxx", "", "é1"] {
             assert!(text.parse::<SatelliteId>().is_err(), "{text}");
         }

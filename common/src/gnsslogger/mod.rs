@@ -10,6 +10,7 @@
 mod clock;
 mod columns;
 mod decoder;
+mod device;
 mod epochs;
 mod fields;
 mod fix;
@@ -27,6 +28,7 @@ mod status;
 mod table;
 
 pub use decoder::GnssLoggerDecoder;
+pub use device::Device;
 pub use fix::{Fix, FixProvider};
 pub use options::{BiasReference, Masks, Options, StateRule, StateRules, state};
 pub use status::SignalStatus;

@@ -10,6 +10,7 @@ use crate::gnss::{EpochFlag, Observation, ObservationEpoch};
 use crate::gnsslogger::Masks;
 use crate::measurement::{Corrector, GivenCorrections, PreparedObservation};
 use crate::skips::Skips;
+use crate::text::{is_blank, without_mark};
 use crate::time::GpsTime;
 use crate::time_order::{DAY_S, LONG_STEP_S};
 
@@ -155,7 +156,7 @@ impl DerivedDecoder {
 
 impl Table {
     fn line(&mut self, number: u64, line: &[u8], skips: &mut Skips) {
-        if line.iter().all(u8::is_ascii_whitespace) {
+        if is_blank(without_mark(line)) {
             return;
         }
         let fields = fields(line);

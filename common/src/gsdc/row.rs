@@ -5,13 +5,13 @@ use super::derived::DerivedObservation;
 use super::{masks, signal};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Ecef, EcefVector};
-use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId, SignalCode};
+use crate::gnss::{
+    Constellation, LossOfLock, MAX_DOPPLER_HZ, Observation, PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode,
+};
 use crate::gnsslogger::Masks;
 use crate::measurement::GivenCorrections;
 use crate::time::GpsTime;
 
-/// Pseudoranges outside these bounds (m) are impossible: no satellite in use is nearer or farther.
-const PSEUDORANGE_BOUNDS_M: (f64, f64) = (1e6, 1e9);
 /// Distances of navigation satellites from the Earth's centre, with ample room, m.
 const ORBIT_BOUNDS_M: (f64, f64) = (1.5e7, 6e7);
 /// Largest speed of a satellite, m/s.
@@ -22,8 +22,6 @@ const MAX_CLOCK_M: f64 = 3e6;
 const MAX_DRIFT_MPS: f64 = 10.0;
 /// Largest delay in the atmosphere, m.
 const MAX_DELAY_M: f64 = 500.0;
-/// Largest Doppler, Hz.
-const MAX_DOPPLER_HZ: f64 = 5e4;
 /// Epoch and arrival may differ by this much after whole seconds are taken off, s. The epoch is cut to a millisecond.
 const MAX_TAG_ERROR_S: f64 = 0.1;
 /// What the cut takes off at most, s.

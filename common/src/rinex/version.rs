@@ -1,7 +1,7 @@
 //! The first line of a RINEX file: version, type, system.
 
 use super::{RinexError, real, shorten, text};
-use super::{columns, integer};
+use super::{columns, integer, label};
 use crate::gnss::Constellation;
 
 /// What the first line says.
@@ -23,7 +23,7 @@ impl Version {
         kinds: &[u8],
         expected: &'static str,
     ) -> Result<Self, RinexError> {
-        if columns(line, 60, 80).trim_ascii() != b"RINEX VERSION / TYPE" {
+        if label(line) != b"RINEX VERSION / TYPE" {
             return Err(RinexError::NotRinex { line: number, found: shorten(line) });
         }
         let field = columns(line, 0, 9);
@@ -32,7 +32,7 @@ impl Version {
         let Some(version) = version.filter(known) else {
             return Err(RinexError::Version { found: text(field) });
         };
-        let kind = columns(line, 20, 21).first().copied().unwrap_or(b' ');
+        let kind = columns(line, 20, 21).first().copied().unwrap_or(b' ').to_ascii_uppercase();
         // The others exist in RINEX 2 alone.
         if !kinds.contains(&kind) || (version >= 300.0 && !b"ON".contains(&kind)) {
             return Err(RinexError::WrongType { expected, found: text(columns(line, 20, 40)) });

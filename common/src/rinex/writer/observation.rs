@@ -8,6 +8,7 @@ use crate::frames::Ecef;
 use crate::gnss::{
     Constellation, EpochFlag, Event, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
+use crate::rinex::Equipment;
 use crate::skips::Skips;
 use crate::time::{Calendar, GpsTime};
 
@@ -41,8 +42,8 @@ pub struct ObservationLayout {
 pub struct RecordingInfo {
     /// Marker name.
     pub marker_name: String,
-    /// Receiver type.
-    pub receiver_type: String,
+    /// Receiver, antenna and people.
+    pub equipment: Equipment,
     /// Date and time of writing, for example `20200813 141902 UTC`.
     pub created: String,
     /// Approximate position.
@@ -115,21 +116,18 @@ impl ObservationWriter {
 
     /// The header, with END OF HEADER.
     pub fn header(&self, info: &RecordingInfo) -> String {
-        let position = info.approximate_position.unwrap_or(Ecef::new(0.0, 0.0, 0.0)).0;
         let clipped = |text: &str, width: usize| text.chars().take(width).collect::<String>();
         let version = format!("{:>9}{:11}{:<20}{:<20}", "3.05", "", "OBSERVATION DATA", "M");
-        let receiver = format!("{:<20}{:<20}", "", clipped(&info.receiver_type, 20));
         let mut text = labelled(&version, "RINEX VERSION / TYPE");
         text += &program_line(&info.created);
         text += &labelled(&clipped(&info.marker_name, 60), "MARKER NAME");
-        text += &labelled("", "OBSERVER / AGENCY");
-        text += &labelled(&receiver, "REC # / TYPE / VERS");
-        text += &labelled("", "ANT # / TYPE");
-        text += &labelled(
-            &format!("{:14.4}{:14.4}{:14.4}", position.x, position.y, position.z),
-            "APPROX POSITION XYZ",
-        );
-        text += &labelled(&format!("{:14.4}{:14.4}{:14.4}", 0.0, 0.0, 0.0), "ANTENNA: DELTA H/E/N");
+        text += &equipment(&info.equipment);
+        // Without one the line is left out, as of a moving platform: zeros would read as the Earth's centre.
+        if let Some(Ecef(position)) = info.approximate_position {
+            text += &labelled(&three(position.into()), "APPROX POSITION XYZ");
+        }
+        text +=
+            &labelled(&three(info.equipment.antenna_delta_hen_m.unwrap_or_default()), "ANTENNA: DELTA H/E/N");
         text += &self.types();
         if let Some(interval_s) = info.interval_s {
             text += &labelled(&format!("{interval_s:10.3}"), "INTERVAL");
@@ -214,6 +212,32 @@ impl ObservationWriter {
         line.truncate(line.trim_end().len());
         line + "\n"
     }
+}
+
+/// Three lengths, m.
+fn three([a, b, c]: [f64; 3]) -> String {
+    format!("{a:14.4}{b:14.4}{c:14.4}")
+}
+
+/// The lines of marker, people, receiver and antenna.
+fn equipment(e: &Equipment) -> String {
+    let columns = |parts: &[&str]| {
+        parts.iter().fold(String::new(), |line, part| {
+            let part: String = part.chars().take(20).collect();
+            line + &format!("{part:<20}")
+        })
+    };
+    let mut text = String::new();
+    for (part, label) in [(&e.marker_number, "MARKER NUMBER"), (&e.marker_type, "MARKER TYPE")] {
+        if !part.is_empty() {
+            text += &labelled(&columns(&[part]), label);
+        }
+    }
+    let agency: String = e.agency.chars().take(40).collect();
+    text += &labelled(&(columns(&[&e.observer]) + &agency), "OBSERVER / AGENCY");
+    let receiver = columns(&[&e.receiver_number, &e.receiver_type, &e.receiver_version]);
+    text += &labelled(&receiver, "REC # / TYPE / VERS");
+    text + &labelled(&columns(&[&e.antenna_number, &e.antenna_type]), "ANT # / TYPE")
 }
 
 /// A value as F14.3; blank and counted when it does not fit, or would read as missing.
