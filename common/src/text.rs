@@ -22,7 +22,7 @@ pub fn content(mut text: &[u8]) -> &[u8] {
         text = without_mark(text);
         match text.iter().position(|byte| *byte == b'\n') {
             Some(end) if text.get(..end).is_some_and(is_blank) => {
-                text = text.get(end + 1..).unwrap_or_default()
+                text = text.get(end + 1..).unwrap_or_default();
             }
             _ => return text,
         }

@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 
 /// Seconds in a GPS week.
 pub const SECONDS_PER_WEEK: f64 = 604_800.0;
+/// GPS messages count weeks modulo this (IS-GPS-200, 20.3.3.3.1.1); a receiver that takes no care is off by it, or twice.
+pub const WEEKS_PER_ROLLOVER: i64 = 1_024;
 /// BeiDou time is 14 s behind GPS time (BDS-SIS-ICD, 3.3).
 pub const BEIDOU_BEHIND_GPS_S: f64 = 14.0;
-/// GPS messages count weeks modulo this: a receiver that takes one rollover for another is this many weeks off.
-pub const ROLLOVER_WEEKS: i64 = 1024;
 /// BeiDou week 0 is GPS week 1356.
 pub const BEIDOU_WEEK_OFFSET: i64 = 1356;
 

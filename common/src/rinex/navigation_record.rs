@@ -6,7 +6,7 @@ use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{KeplerEphemeris, NavigationMessage, UNKNOWN_ACCURACY_M};
 use crate::skips::Skips;
 use crate::time::{
-    BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, Calendar, GpsTime, ROLLOVER_WEEKS, SECONDS_PER_WEEK,
+    BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, Calendar, GpsTime, SECONDS_PER_WEEK, WEEKS_PER_ROLLOVER,
 };
 
 /// Clock reference and orbit reference are never farther apart than this, s.
@@ -251,8 +251,8 @@ fn check_week(record: &Record, toe: GpsTime, skips: &mut Skips) -> Result<(), Fa
     let week = record.between(21, "week", 0.0, 20_000.0)?;
     // Some writers give the week as broadcast, modulo 1024.
     let fits = |full: f64| {
-        let apart = (full - toe.week() as f64).rem_euclid(ROLLOVER_WEEKS as f64);
-        apart.min(ROLLOVER_WEEKS as f64 - apart) <= 1.0
+        let apart = (full - toe.week() as f64).rem_euclid(WEEKS_PER_ROLLOVER as f64);
+        apart.min(WEEKS_PER_ROLLOVER as f64 - apart) <= 1.0
     };
     let is_beidou = record.satellite.constellation == Constellation::Beidou;
     if fits(if is_beidou { week + BEIDOU_WEEK_OFFSET as f64 } else { week }) {
