@@ -188,6 +188,22 @@ fn beidou_records_may_count_weeks_from_1980() {
 }
 
 #[test]
+fn a_system_whose_weeks_were_not_rolled_over_is_named() {
+    let old = EPHEMERIS.replacen("G05 2020 06 24", "J02 2000 11 08", 1).replacen(
+        "2.111000000000E+03",
+        "1.087000000000E+03",
+        1,
+    );
+    let file = NavigationFile::parse((navigation("3.04") + &old).as_bytes()).unwrap();
+    assert_eq!(file.ephemerides.len(), 2, "{}", file.skips);
+    let reason = "system whose weeks were not rolled over, as it seems; used as it is";
+    assert_eq!(file.skips.count(reason), 1, "{}", file.skips);
+    let (_, skip) = file.skips.iter().find(|(found, _)| *found == reason).unwrap();
+    assert!(skip.first.starts_with("1 records of J up to 2000-11-08"), "{}", skip.first);
+    assert!(skip.first.contains("1024 weeks"), "{}", skip.first);
+}
+
+#[test]
 fn leap_seconds_of_a_header_that_cannot_be_are_named() {
     let reason = "header's leap seconds are not those of the date, which are used";
     let with = |seconds: &str| {

@@ -12,6 +12,8 @@ use crate::rinex::Equipment;
 use crate::skips::Skips;
 use crate::time::{Calendar, GpsTime};
 
+/// The version that files are written in where its codes suffice.
+const WIDELY_READ: u16 = 305;
 /// Types on a line of SYS / # / OBS TYPES.
 const TYPES_ON_LINE: usize = 13;
 /// Satellites on a line of GLONASS SLOT / FRQ #.
@@ -61,7 +63,7 @@ impl ObservationLayout {
     pub fn include(&mut self, epoch: &ObservationEpoch) {
         let (first, last) = self.span.unwrap_or((epoch.time_gps, epoch.time_gps));
         self.span = Some((first.min(epoch.time_gps), last.max(epoch.time_gps)));
-        for observation in &epoch.observations {
+        for observation in epoch.observations.iter().filter(|o| can_be(o.satellite, o.signal)) {
             let key = (observation.satellite.constellation, observation.signal);
             let used = self.signals.entry(key).or_default();
             for (used, (_, value)) in used.iter_mut().zip(COLUMNS) {
@@ -75,7 +77,7 @@ impl ObservationLayout {
 
     /// Makes room for an event: slips stand in the columns of the phases.
     pub fn include_event(&mut self, event: &Event) {
-        for slip in &event.slips {
+        for slip in event.slips.iter().filter(|slip| can_be(slip.satellite, slip.signal)) {
             let key = (slip.satellite.constellation, slip.signal);
             let [_, phase, ..] = self.signals.entry(key).or_default();
             *phase = true;
@@ -87,6 +89,12 @@ impl ObservationLayout {
         self.signals.iter().filter(move |((other, _), _)| *other == system).flat_map(|((_, signal), used)| {
             COLUMNS.into_iter().zip(used).filter(|(_, used)| **used).map(|(column, _)| (*signal, column))
         })
+    }
+
+    /// 3.05, which all programs read, unless a code came later.
+    fn version(&self) -> &'static str {
+        let newest = self.signals.keys().filter_map(|(system, signal)| signal.since(*system)).max();
+        if newest.is_some_and(|since| since > WIDELY_READ) { "4.02" } else { "3.05" }
     }
 
     fn systems(&self) -> Vec<Constellation> {
@@ -117,7 +125,7 @@ impl ObservationWriter {
     /// The header, with END OF HEADER.
     pub fn header(&self, info: &RecordingInfo) -> String {
         let clipped = |text: &str, width: usize| text.chars().take(width).collect::<String>();
-        let version = format!("{:>9}{:11}{:<20}{:<20}", "3.05", "", "OBSERVATION DATA", "M");
+        let version = format!("{:>9}{:11}{:<20}{:<20}", self.layout.version(), "", "OBSERVATION DATA", "M");
         let mut text = labelled(&version, "RINEX VERSION / TYPE");
         text += &program_line(&info.created);
         text += &labelled(&clipped(&info.marker_name, 60), "MARKER NAME");
@@ -175,9 +183,15 @@ impl ObservationWriter {
         systems.map(|system| labelled(&system.letter().to_string(), "SYS / PHASE SHIFT")).collect()
     }
 
-    /// An epoch: its line and one per satellite.
+    /// An epoch: its line and one per satellite. Signals that satellites cannot send are left out: no reader would take them.
     pub fn epoch(&mut self, epoch: &ObservationEpoch) -> String {
-        let satellites = distinct(epoch.observations.iter().map(|o| o.satellite));
+        for Observation { satellite, signal, .. } in &epoch.observations {
+            if let Some(reason) = satellite.cannot_send(*signal) {
+                self.skips.add(reason, || format!("{satellite} {signal} at {}", epoch.time_gps));
+            }
+        }
+        let possible = epoch.observations.iter().filter(|o| can_be(o.satellite, o.signal));
+        let satellites = distinct(possible.map(|o| o.satellite));
         let flag = match epoch.flag {
             EpochFlag::Ok => 0,
             EpochFlag::PowerFailure => 1,
@@ -195,7 +209,7 @@ impl ObservationWriter {
         for (signal, (letter, value)) in layout.columns(satellite.constellation) {
             let mut of_signal =
                 epoch.observations.iter().filter(|o| (o.satellite, o.signal) == (satellite, signal));
-            let Some(observation) = of_signal.next() else {
+            let Some(observation) = of_signal.next().filter(|_| can_be(satellite, signal)) else {
                 line += &" ".repeat(16);
                 continue;
             };
@@ -212,6 +226,11 @@ impl ObservationWriter {
         line.truncate(line.trim_end().len());
         line + "\n"
     }
+}
+
+/// Whether a file may have a signal of a satellite.
+pub(super) fn can_be(satellite: SatelliteId, signal: SignalCode) -> bool {
+    satellite.cannot_send(signal).is_none()
 }
 
 /// Three lengths, m.
