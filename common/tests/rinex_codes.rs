@@ -79,7 +79,7 @@ fn what_cannot_be_is_refused_or_taken_for_what_it_is_and_named() {
         ("3.04", "I    2 C5A C1P", "I02", vec!["I02 5A", "I02 1P"], NEWER, 1),
         ("3.04", "S    2 C1C C1X", "S20", vec!["S20 1C"], NO_SUCH_SIGNAL, 2),
     ] {
-        let text = file(version, &[types, "G    1 C1C"], &[satellite]);
+        let text = file(version, &[types], &[satellite]);
         for form in [text.clone(), encode(&text, |_| false)] {
             let (found, read) = read(&form);
             assert_eq!(found, expected, "{version} {types}");
