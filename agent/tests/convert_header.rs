@@ -11,7 +11,7 @@ use cofix_common::frames::{Ecef, Geodetic};
 use cofix_common::gnss::NOT_OF_ITS_GENERATION;
 use cofix_common::rinex::ObservationFile;
 use cofix_common::time::GpsTime;
-use recordings::{frame, log, msm4, rinex_3, rtcm};
+use recordings::{frame, log, msm4_of, rinex_3, rtcm};
 
 /// Converts recordings, one after the other, into one file, which is read back.
 fn converted(recordings: &[&[u8]]) -> (String, ObservationFile, Converted) {
@@ -122,14 +122,11 @@ fn a_position_that_nobody_told_is_not_written() {
     }
 }
 
-/// BeiDou's signal 14 (B2I) of a satellite that has none. Bits 136 to 167 are the signal mask.
+/// BeiDou's signal 14 (B2I) of a satellite that has none.
 #[test]
 fn signals_of_other_satellites_are_left_out_and_counted() {
-    let messages = (0..3).map(|second| {
-        let mut message = msm4(1_124, 397_140_000 - 14_000 + 1_000 * second, &[7, 24], 74);
-        message[17..21].copy_from_slice(&(1_u32 << (32 - 14)).to_be_bytes());
-        frame(&message)
-    });
+    let messages = (0..3)
+        .map(|second| frame(&msm4_of((1_124, 14), 397_140_000 - 14_000 + 1_000 * second, &[7, 24], 74)));
     let (_, file, converted) = converted(&[&messages.flatten().collect::<Vec<u8>>()]);
     let names: Vec<String> =
         file.epochs[0].observations.iter().map(|o| format!("{} {}", o.satellite, o.signal)).collect();

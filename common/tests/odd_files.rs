@@ -179,7 +179,9 @@ fn beidou_records_may_count_weeks_from_1980() {
     let right = of_week("7.550000000000E+02");
     assert_eq!((right.ephemerides.len(), right.skips.total()), (1, 0), "{}", right.skips);
     let other = of_week("2.111000000000E+03");
-    assert_eq!((&other.ephemerides, other.skips.count(reason)), (&right.ephemerides, 1), "{}", other.skips);
+    // As text, for an unknown group delay is NaN.
+    assert_eq!(format!("{:?}", other.ephemerides), format!("{:?}", right.ephemerides));
+    assert_eq!(other.skips.count(reason), 1, "{}", other.skips);
     assert_eq!(other.skips.total(), 1);
     for week in ["1.500000000000E+03", "1.000000000000E+02"] {
         let wrong = of_week(week);
