@@ -14,8 +14,8 @@ use cofix_common::skips::Skips;
 use cofix_common::text::content;
 use cofix_common::time::GpsTime;
 
-use crate::input::{Bytes, Portion, Recorded};
-use crate::source::SourceError;
+use crate::kinds;
+use crate::source::{SourceError, with_hint};
 use crate::stream::StreamDecoder;
 use crate::{ProductFiles, ProductSource, Stop};
 
@@ -24,8 +24,6 @@ const STALE_GROUP_DELAYS_S: f64 = 7.0 * 86_400.0;
 
 /// Columns of a RINEX header line.
 const FIRST_LINE: usize = 80;
-/// Most bytes that are looked at for the first line with content.
-const MOST_BEFORE: usize = 4_096;
 
 /// Reads products. They may hold no orbits (see [`Products::has_orbits`]): recordings may carry navigation messages of their own.
 ///
@@ -87,21 +85,17 @@ fn load(files: &ProductFiles) -> Result<(Products, Skips), SourceError> {
     Ok((products, skips))
 }
 
+/// As errors name it.
+pub(crate) const NAVIGATION: &str = "RINEX navigation";
+
 /// Reads a RINEX navigation file.
 pub(crate) fn navigation_file(path: &Path) -> Result<NavigationFile, SourceError> {
-    parse(path, "RINEX navigation", NavigationFile::parse)
+    parse(path, NAVIGATION, NavigationFile::parse)
 }
 
 /// Whether the first line is that of a RINEX navigation file. A file that cannot be read is none: who reads it will say why.
 pub(crate) fn is_navigation_file(path: &Path, stop: &Stop) -> bool {
-    let Ok(mut file) = Recorded::open(path) else { return false };
-    let (mut start, mut portion) = (Vec::new(), Vec::new());
-    while content(&start).len() < FIRST_LINE
-        && start.len() < MOST_BEFORE
-        && matches!(file.next(&mut portion, stop), Ok(Portion::Bytes))
-    {
-        start.append(&mut portion);
-    }
+    let start = kinds::start_of(path, stop);
     let start = content(&start);
     let label = start.get(60..FIRST_LINE);
     let kind = start.get(20).copied().unwrap_or(b' ').to_ascii_uppercase();
@@ -122,7 +116,10 @@ fn parse<T, E: Display>(
     kind: &'static str,
     parse_bytes: impl Fn(&[u8]) -> Result<T, E>,
 ) -> Result<T, SourceError> {
-    parse_bytes(&read(path, kind)?).map_err(|error| unusable(path, kind, error.to_string()))
+    parse_bytes(&read(path, kind)?).map_err(|error| {
+        let reason = with_hint(error.to_string(), kinds::hint_for(path, kind));
+        SourceError::Unusable { source_name: path.display().to_string(), kind, reason }
+    })
 }
 
 /// The beginning of the precise orbits, else the earliest broadcast message.
@@ -134,10 +131,6 @@ fn near(products: &Products) -> Option<GpsTime> {
 
 fn read(path: &Path, kind: &'static str) -> Result<Vec<u8>, SourceError> {
     std::fs::read(path).map_err(|cause| SourceError::Read { path: path.to_owned(), kind, cause })
-}
-
-fn unusable(path: &Path, kind: &'static str, reason: String) -> SourceError {
-    SourceError::Unusable { source_name: path.display().to_string(), kind, reason }
 }
 
 /// Navigation messages found in a stream of observations.
