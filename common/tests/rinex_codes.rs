@@ -5,6 +5,8 @@
 
 mod hatanaka_encoder;
 
+use std::fmt::Write as _;
+
 use cofix_common::gnss::{NO_SUCH_SIGNAL, NOT_OF_ITS_GENERATION};
 use cofix_common::rinex::ObservationFile;
 use hatanaka_encoder::encode;
@@ -27,7 +29,7 @@ fn file(version: &str, types: &[&str], satellites: &[&str]) -> String {
     text += &header("  2020     6    25    12     0    0.0000000     GPS", "TIME OF FIRST OBS");
     text += &header("", "END OF HEADER");
     for second in 0..2 {
-        text += &format!("> 2020 06 25 12 00 {second:2}.0000000  0 {:2}\n", satellites.len());
+        let _ = writeln!(text, "> 2020 06 25 12 00 {second:2}.0000000  0 {:2}", satellites.len());
         for satellite in satellites {
             let line = types.iter().find(|line| line.starts_with(&satellite[..1])).unwrap();
             let count: usize = line[3..6].trim().parse().unwrap();
