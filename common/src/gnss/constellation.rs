@@ -25,9 +25,9 @@ pub enum Constellation {
 }
 
 impl Constellation {
-    /// From the RINEX letter, which some writers give in lower case.
+    /// From the RINEX letter.
     pub const fn from_letter(letter: char) -> Option<Self> {
-        Some(match letter.to_ascii_uppercase() {
+        Some(match letter {
             'G' => Self::Gps,
             'R' => Self::Glonass,
             'E' => Self::Galileo,
@@ -75,9 +75,10 @@ impl SatelliteId {
         Self { constellation, number }
     }
 
-    /// From three bytes as RINEX and SP3 have them; a blank in the tens place counts as zero.
+    /// From three bytes as RINEX and SP3 have them; a blank in the tens place counts as zero, and the letter may be of either case.
     pub const fn from_bytes(bytes: [u8; 3]) -> Option<Self> {
-        let Some(constellation) = Constellation::from_letter(bytes[0] as char) else { return None };
+        let letter = bytes[0].to_ascii_uppercase() as char;
+        let Some(constellation) = Constellation::from_letter(letter) else { return None };
         let tens = match bytes[1] {
             b' ' => 0,
             d @ b'0'..=b'9' => d - b'0',

@@ -293,7 +293,8 @@ TIME_SYSTEM                             G
     #[test]
     fn a_mark_and_blank_lines_before_the_first_are_passed_over() {
         for before in ["\u{feff}", "\n", " \r\n\n", "\u{feff}\n"] {
-            assert_eq!(parse(&format!("{before}{FILE}")).unwrap(), parse(FILE).unwrap(), "{before:?}");
+            let file = parse(&format!("{before}{FILE}")).unwrap();
+            assert_eq!((file.biases, file.skips.total()), (parse(FILE).unwrap().biases, 3), "{before:?}");
         }
     }
 

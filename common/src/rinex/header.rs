@@ -136,7 +136,7 @@ impl HeaderBuilder {
         if self.is_2() {
             return self.types_2();
         }
-        let constellation = Constellation::from_letter(letter as char);
+        let constellation = Constellation::from_letter(letter.to_ascii_uppercase() as char);
         constellation.and_then(|c| self.header.observation_types.get(&c)).map_or(0, Vec::len)
     }
 

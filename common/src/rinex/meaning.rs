@@ -83,7 +83,8 @@ mod tests {
 
     /// The meaning of the first code of a list.
     fn first(codes: &str, constellation: Constellation, version: u16) -> (String, Remark) {
-        let all: Vec<_> = codes.split(' ').map(|code| observation_type(code.as_bytes()).unwrap()).collect();
+        let all: Vec<_> =
+            codes.split_whitespace().map(|code| observation_type(code.as_bytes()).unwrap()).collect();
         let Meaning { signal, remark } = meaning(&all[0], constellation, version, &all);
         (signal.to_string(), remark)
     }

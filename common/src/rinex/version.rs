@@ -37,7 +37,7 @@ impl Version {
         if !kinds.contains(&kind) || (version >= 300.0 && !b"ON".contains(&kind)) {
             return Err(RinexError::WrongType { expected, found: text(columns(line, 20, 40)) });
         }
-        let letter = columns(line, 40, 41).first().map_or(' ', |b| *b as char);
+        let letter = columns(line, 40, 41).first().map_or(' ', |b| b.to_ascii_uppercase() as char);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within 200 to 402
         Ok(Self { number: version as u16, kind, system: Constellation::from_letter(letter) })
     }

@@ -20,7 +20,7 @@ impl HeaderBuilder {
             b' ' => self.continued?,
             letter => {
                 let count = usize::try_from(integer(columns(line, 3, 6))?).ok()?;
-                let constellation = Constellation::from_letter(letter as char)?;
+                let constellation = Constellation::from_letter(letter.to_ascii_uppercase() as char)?;
                 self.header.observation_types.insert(constellation, Vec::new());
                 (constellation, count)
             }
@@ -39,7 +39,7 @@ impl HeaderBuilder {
         let mut scaled = match *columns(line, 0, 1).first()? {
             b' ' => self.scaled?,
             letter => {
-                let constellation = Constellation::from_letter(letter as char)?;
+                let constellation = Constellation::from_letter(letter.to_ascii_uppercase() as char)?;
                 let factor = real(columns(line, 2, 6)).filter(|f| *f >= 1.0)?;
                 let listed = integer(columns(line, 8, 10)).unwrap_or(0);
                 Scaled { constellation, factor, remaining: usize::try_from(listed).ok()? }
