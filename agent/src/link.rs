@@ -40,6 +40,12 @@ pub enum LinkError {
     },
 }
 
+/// How often a lost connection is tried again, in milliseconds: a hub that is started again should have its phones back before others wait for
+/// them.
+const RETRY_MS: &str = "{ period_init_ms: 500, period_max_ms: 1000, period_increase_factor: 2 }";
+/// Bytes that may wait in the system for a slow link, some ten seconds of epochs: more would only be late.
+const SEND_BUFFER_BYTES: &str = "32768";
+
 /// Opens a session that connects to `endpoints`, waiting up to `patience` for one of them to answer. Blocks.
 ///
 /// # Errors
@@ -85,7 +91,9 @@ pub fn connect_unless_stopped(
 fn attempt(endpoints: &[String], patience: Duration) -> Result<zenoh::Result<Session>, LinkError> {
     let milliseconds = patience.as_millis().max(1).to_string();
     let config = config("client", "connect/endpoints", endpoints)
-        .and_then(|config| with(config, "connect/timeout_ms", &milliseconds, endpoints))?;
+        .and_then(|config| with(config, "connect/timeout_ms", &milliseconds, endpoints))
+        .and_then(|config| with(config, "connect/retry", RETRY_MS, endpoints))
+        .and_then(|config| with(config, "transport/link/tcp/so_sndbuf", SEND_BUFFER_BYTES, endpoints))?;
     Ok(zenoh::open(config).wait())
 }
 

@@ -189,7 +189,7 @@ fn open_live(live: &LiveSource, near: Option<GpsTime>) -> Result<Records, Source
 }
 
 /// GPS time now, by the computer's clock.
-pub(crate) fn now() -> GpsTime {
+pub fn now() -> GpsTime {
     gps_time_of(SystemTime::now())
 }
 

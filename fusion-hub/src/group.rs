@@ -1,15 +1,18 @@
 //! One group at work: events in, fused epochs out, on one thread.
 
+mod losses;
 mod missing;
+mod steady;
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use cofix_agent::Stop;
+use cofix_agent::{Stop, source};
 use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
 
-use crate::align::Aligner;
+use crate::align::{Aligner, NoticeKind};
 use crate::engine::Engine;
 use crate::intake::{Answer, Arrival, Intake, Notice};
 use crate::network::{Event, HistoryQuestions, Receipts};
@@ -17,10 +20,14 @@ use crate::outputs::Outputs;
 use crate::recovery::Recovery;
 use crate::report::Report;
 
+use steady::Steady;
+
 /// How long the thread waits for an event before it looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
 /// How long agents that have ended may take to hear so.
 const FAREWELL: Duration = Duration::from_secs(10);
+/// Most events that are taken in before the thread looks at the clock: who is late is decided when all that has come is known.
+const BATCH: usize = 256;
 /// Most events that are taken in after the request to stop.
 const LAST_EVENTS: usize = 10_000;
 
@@ -48,11 +55,12 @@ pub struct Group {
     history: HistoryQuestions,
     recovery: Recovery,
     outputs: Outputs,
-    start: Instant,
+    /// The time of what is being done, since the start.
+    now: Duration,
     /// When gaps were last looked at.
     recovered_at: Option<Duration>,
     /// By phone, how many epochs of agents that have ended are missing, and since when so many.
-    missing: Vec<Option<(u64, Instant)>>,
+    missing: Vec<Option<(u64, Duration)>>,
     /// By phone, whether an agent is there.
     alive: Vec<bool>,
     grace: Duration,
@@ -85,6 +93,10 @@ impl Group {
     /// Puts a group together.
     pub fn new(parts: Parts) -> Self {
         let phones = parts.phones.len();
+        let recovery = match parts.course {
+            Course::Replay => Recovery::of_a_replay(),
+            Course::Live { .. } => Recovery::live(parts.aligner.maximum_wait()),
+        };
         Self {
             intake: Intake::new(&parts.phones),
             name: parts.name,
@@ -94,10 +106,10 @@ impl Group {
             engine: parts.engine,
             receipts: parts.receipts,
             history: parts.history,
-            recovery: Recovery::new(parts.course != Course::Replay),
+            recovery,
             recovered_at: None,
             outputs: parts.outputs,
-            start: Instant::now(),
+            now: Duration::ZERO,
             missing: vec![None; phones],
             alive: vec![false; phones],
             grace: Self::GRACE,
@@ -119,17 +131,15 @@ impl Group {
     /// # Errors
     /// When an agent fails, a message is lost, or an output cannot be written.
     pub fn work(&mut self, events: &Receiver<Event>, stop: &Stop) -> anyhow::Result<()> {
+        let mut clock = Steady::start();
         while !self.is_over() && !stop.is_requested() {
-            match events.recv_timeout(TICK) {
-                Ok(event) => self.handle(event)?,
-                Err(RecvTimeoutError::Timeout) => {}
+            let first = match events.recv_timeout(TICK) {
+                Ok(event) => Some(event),
+                Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => break,
-            }
-            self.recover();
-            self.fuse_ready()?;
-            self.fuse_overdue()?;
-            self.outputs.tick();
-            self.check_stragglers()?;
+            };
+            let batch = first.into_iter().chain(events.try_iter().take(BATCH));
+            self.step(batch, clock.tick(), source::now())?;
         }
         if stop.is_requested() && self.course == Course::Replay {
             bail!("stopped before the end of the session");
@@ -143,6 +153,28 @@ impl Group {
             self.aligner.finish(phone);
         }
         self.fuse_ready()
+    }
+
+    /// Takes in what has happened by `now`, of the time since the start, and does what follows from it; `wall_gps` is the time by the
+    /// computer's clock.
+    ///
+    /// # Errors
+    /// When an agent fails, a message is lost, or an output cannot be written.
+    fn step(
+        &mut self,
+        events: impl Iterator<Item = Event>,
+        now: Duration,
+        wall_gps: GpsTime,
+    ) -> anyhow::Result<()> {
+        self.now = now;
+        for event in events {
+            self.handle(event)?;
+        }
+        self.recover();
+        self.fuse_ready()?;
+        self.fuse_overdue(wall_gps)?;
+        self.outputs.tick();
+        self.check_stragglers()
     }
 
     /// Stays until agents that have ended know that everything is here, or some seconds: they ask, and go when they know.
@@ -278,7 +310,7 @@ impl Group {
 
     fn align(&mut self, phone: usize) {
         while let Some(message) = self.intake.next_ready(phone) {
-            self.aligner.push(phone, message, self.start.elapsed());
+            self.aligner.push(phone, message, self.now);
         }
     }
 
@@ -297,7 +329,6 @@ impl Group {
                         arrival.phone
                     );
                 }
-                self.aligner.arrive(phone, self.start.elapsed());
                 tracing::info!("{}: agent started: {summary}", arrival.phone);
                 self.outputs.expect(self.intake.expected());
                 // It may have finished too.
@@ -321,14 +352,10 @@ impl Group {
         };
         self.note_alive(phone, alive);
         tracing::info!("{phone}: agent {}", if alive { "is here" } else { "is gone" });
-        let now = self.start.elapsed();
         if alive {
-            self.recovery.appeared(index, now);
+            self.recovery.appeared(index, self.now);
         } else {
             self.recovery.disappeared(index);
-        }
-        if alive && !self.intake.is_complete(index) {
-            self.aligner.arrive(index, now);
         }
         // Its last epochs are ahead of the loss of its token only on the same link; in a replay its end is known exactly.
         if !alive && self.course != Course::Replay {
@@ -352,17 +379,30 @@ impl Group {
         Ok(())
     }
 
-    fn fuse_overdue(&mut self) -> anyhow::Result<()> {
+    fn fuse_overdue(&mut self, wall_gps: GpsTime) -> anyhow::Result<()> {
         if self.course == Course::Replay {
             return Ok(());
         }
-        while self.aligner.drop_silent(self.start.elapsed()) {
+        loop {
+            let goes_on = self.aligner.go_on(self.now, Some(wall_gps));
+            let notices = self.aligner.notices();
+            for notice in &notices {
+                let name = self.phones.get(notice.phone).map_or("?", String::as_str);
+                tracing::warn!("{name}: {}", notice.text);
+                if matches!(notice.kind, NoticeKind::Silent | NoticeKind::Behind) {
+                    self.give_up_gaps(notice.phone);
+                }
+            }
+            if self.aligner.went_back() {
+                self.engine.restart();
+            }
+            if !goes_on && notices.is_empty() {
+                return Ok(());
+            }
             self.fuse_ready()?;
         }
-        for notice in self.aligner.notices() {
-            let name = self.phones.get(notice.phone).map_or("?", String::as_str);
-            tracing::warn!("{name}: {}", notice.text);
-        }
-        Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

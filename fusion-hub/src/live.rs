@@ -62,8 +62,13 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
         group.see_off(&events, stop);
     }
     // The recording is brought to its end in any case.
-    let outcome = outcome(&mut group, &truth_skips);
+    let mut outcome = outcome(&mut group, &truth_skips);
     worked?;
+    let losses = group.losses();
+    outcome.failure = match (outcome.failure.take(), losses) {
+        (Some(failure), Some(losses)) => Some(format!("{failure}; {losses}")),
+        (failure, losses) => failure.or(losses),
+    };
     // Nobody takes events any more: Zenoh's threads must not wait for that.
     drop(events);
     network.close()?;
