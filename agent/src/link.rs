@@ -6,8 +6,8 @@ use zenoh::{Config, Session, Wait};
 
 use crate::Stop;
 
-/// Longest attempt to connect before the request to stop is looked at.
-const SLICE: Duration = Duration::from_secs(1);
+/// First and longest attempt to connect before the request to stop is looked at; on a link with a long delay the first ones are too short.
+const SLICES: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(8));
 
 /// A session that cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -58,7 +58,7 @@ pub fn connect(endpoints: &[String], patience: Duration) -> Result<Session, Link
     }
 }
 
-/// Like [`connect`]; `None` when asked to stop meanwhile, which is noticed within about a second.
+/// Like [`connect`]; `None` when asked to stop meanwhile, which is noticed within some seconds.
 ///
 /// # Errors
 /// When an endpoint is malformed or none answers in time.
@@ -68,11 +68,13 @@ pub fn connect_unless_stopped(
     stop: &Stop,
 ) -> Result<Option<Session>, LinkError> {
     let start = Instant::now();
+    let (mut longest, limit) = SLICES;
     loop {
         if stop.is_requested() {
             return Ok(None);
         }
-        let slice = patience.saturating_sub(start.elapsed()).min(SLICE);
+        let slice = patience.saturating_sub(start.elapsed()).min(longest);
+        longest = limit.min(2 * longest);
         let begun = Instant::now();
         let reason = match attempt(endpoints, slice)? {
             Ok(session) => return Ok(Some(session)),
@@ -82,7 +84,7 @@ pub fn connect_unless_stopped(
             return Err(unreachable(endpoints, patience, reason));
         }
         // An attempt may fail at once.
-        if stop.sleep(slice.saturating_sub(begun.elapsed())) {
+        if stop.sleep(slice.min(SLICES.0).saturating_sub(begun.elapsed())) {
             return Ok(None);
         }
     }

@@ -23,7 +23,7 @@ fn main() -> ExitCode {
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error,cofix_agent=info"));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
+        .with_writer(cofix_agent::status::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .init();
     match work(arguments) {

@@ -321,7 +321,8 @@ mod tests {
 
     #[test]
     fn a_hub_that_is_connected_is_waited_for_until_it_answers() {
-        let mut wait = ReceiptWait { patience: Duration::from_secs(10), known: None, progress: Instant::now() };
+        let mut wait =
+            ReceiptWait { patience: Duration::from_secs(10), known: None, progress: Instant::now() };
         assert_eq!(wait.limit(false, true), UNANSWERED, "what it has is still on its way");
         assert_eq!(wait.limit(false, false), Duration::from_secs(10), "the connection is lost");
         assert_eq!(wait.limit(true, true), LAST_WORDS);

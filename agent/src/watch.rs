@@ -58,11 +58,11 @@ fn watch(phone: &str, published: &Receiver<EpochMessage>) {
         match published.recv_timeout(TICK) {
             Ok(message) => {
                 for alarm in pulse.epoch(&message, message.local.as_ref(), moment(start.elapsed())) {
-                    board.above(|| tracing::warn!("{phone}: {alarm}"));
+                    tracing::warn!("{phone}: {alarm}");
                 }
             }
             Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return board.clear(),
+            Err(RecvTimeoutError::Disconnected) => return,
         }
         let now = start.elapsed();
         if board.is_due(now) {

@@ -250,11 +250,23 @@ fn a_source_is_one_of_file_and_live() {
         (vec!["--group", "g", "--phone", "p", "--observations", "tcp://nowhere"], "tcp://HOST:PORT"),
         (
             vec![
-                "--group", "g", "--phone", "p", "--follow", "missing.rnx", "--connect", "tcp/127.0.0.1:9", "--patience", "1",
+                "--group",
+                "g",
+                "--phone",
+                "p",
+                "--follow",
+                "missing.rnx",
+                "--connect",
+                "tcp/127.0.0.1:9",
+                "--patience",
+                "1",
             ],
             "missing.rnx is not there yet; waiting for it",
         ),
-        (vec!["--group", "g", "--phone", "p", "--follow", ".", "--connect", "tcp/127.0.0.1:9"], "it is a folder"),
+        (
+            vec!["--group", "g", "--phone", "p", "--follow", ".", "--connect", "tcp/127.0.0.1:9"],
+            "it is a folder",
+        ),
     ] {
         let assert = command(folder.path(), &arguments).code(1);
         let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();

@@ -49,8 +49,8 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
 
-pub use live::{Notice, NoticeKind};
 use live::{Clock, Given};
+pub use live::{Notice, NoticeKind};
 use track::{Accepted, Place, Presence, Track, Waiting};
 
 /// Live: most messages of a phone that wait for the others; at 1 Hz some hours and some hundred megabytes.

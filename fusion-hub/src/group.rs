@@ -8,6 +8,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
+use cofix_agent::status::Moment;
 use cofix_agent::{Stop, source};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -24,8 +25,10 @@ use steady::Steady;
 
 /// How long the thread waits for an event before it looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
-/// How long agents that have ended may take to hear so.
-const FAREWELL: Duration = Duration::from_secs(10);
+/// How long agents that have ended and are still there may take to ask whether everything arrived: on a slow link the question takes a while.
+const FAREWELL: Duration = Duration::from_mins(1);
+/// How long agents that were told so may stay.
+const LINGER: Duration = Duration::from_secs(1);
 /// Most events that are taken in before the thread looks at the clock: who is late is decided when all that has come is known.
 const BATCH: usize = 256;
 /// Most events that are taken in after the request to stop.
@@ -173,7 +176,7 @@ impl Group {
         self.recover();
         self.fuse_ready()?;
         self.fuse_overdue(wall_gps)?;
-        self.outputs.tick();
+        self.outputs.tick(Moment { now, wall_gps });
         self.check_stragglers()
     }
 
@@ -189,7 +192,7 @@ impl Group {
             }
             if !self.all_told() {
                 told_since = None;
-            } else if told_since.get_or_insert_with(Instant::now).elapsed() > FAREWELL / 10 {
+            } else if told_since.get_or_insert_with(Instant::now).elapsed() > LINGER {
                 return;
             }
         }

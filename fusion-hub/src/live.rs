@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use cofix_agent::Stop;
+use cofix_agent::status::Moment;
+use cofix_agent::{Stop, source};
 use zenoh::qos::CongestionControl;
 
 use crate::align::{AlignOptions, Aligner};
@@ -46,6 +47,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
         outputs.record_to(path, &session.group)?;
         outputs.write_recording_after(RECORDING_AGE);
     }
+    outputs.show_status(Moment { now: Duration::ZERO, wall_gps: source::now() });
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
     let mut group = Group::new(Parts {
         name: session.group.clone(),

@@ -103,7 +103,7 @@ fn log_to_stderr(command: &Command) {
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(format!("error,cofix_hub={own}")));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
+        .with_writer(cofix_agent::status::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .init();
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use cofix_agent::status::Moment;
 use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::wire::FusedMessage;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -12,6 +13,7 @@ use crate::network::FusedPublisher;
 use crate::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
 use crate::report::Tally;
 use crate::scores::Scores;
+use crate::status::Status;
 
 /// All consumers of fused epochs.
 pub struct Outputs {
@@ -20,6 +22,7 @@ pub struct Outputs {
     recorder: Option<(Recorder, PathBuf)>,
     failure: Option<String>,
     progress: ProgressBar,
+    status: Option<Status>,
     /// Positions to be scored.
     pub scores: Scores,
     /// Counts.
@@ -35,6 +38,7 @@ impl Outputs {
             recorder: None,
             failure: None,
             progress: ProgressBar::hidden(),
+            status: None,
             scores,
             tally: Tally::new(names),
         }
@@ -57,8 +61,16 @@ impl Outputs {
         }
     }
 
+    /// Says how the phones are, in lines on a terminal or in the log.
+    pub fn show_status(&mut self, moment: Moment) {
+        self.status = Some(Status::new(&self.names, moment));
+    }
+
     /// Looks at the clock.
-    pub fn tick(&mut self) {
+    pub fn tick(&mut self, moment: Moment) {
+        if let Some(status) = &mut self.status {
+            status.look(moment);
+        }
         self.with_recorder(Recorder::tick);
     }
 
@@ -96,6 +108,9 @@ impl Outputs {
     /// When Zenoh refuses.
     pub fn push(&mut self, epoch: &FusedEpoch) -> anyhow::Result<()> {
         self.tally.push(epoch);
+        if let Some(status) = &mut self.status {
+            status.epoch(epoch);
+        }
         self.scores.push(epoch);
         for (name, phone) in self.names.iter().enumerate() {
             if let Some(message) = fused_message(epoch, name, phone) {
@@ -114,6 +129,7 @@ impl Outputs {
     /// Ends the progress bar and the recording, into which the accuracy table goes.
     pub fn finish(&mut self, table: &str) -> Option<(PathBuf, Recorded)> {
         self.progress.finish_and_clear();
+        self.status = None;
         let (recorder, path) = self.recorder.take()?;
         match recorder.finish(table) {
             Ok(recorded) => Some((path, recorded)),

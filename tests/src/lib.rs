@@ -1,6 +1,8 @@
 //! What the whole-system tests share: small simulated sessions, and a hub and agents as separate parts so that faults can be put between
 //! them.
 
+pub mod slow_link;
+
 use std::thread::JoinHandle;
 use std::time::Duration;
 

@@ -1,6 +1,7 @@
 //! Where status lines are shown.
 
-use std::io::IsTerminal;
+use std::io::{self, IsTerminal, Write};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
@@ -9,6 +10,31 @@ use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 const REDRAW: Duration = Duration::from_secs(1);
 /// How often they are logged elsewhere.
 const LOG: Duration = Duration::from_mins(1);
+
+/// The lines that are on the terminal now.
+static SHOWN: Mutex<Option<MultiProgress>> = Mutex::new(None);
+
+/// Standard error, above the lines of a [`Board`]: the writer for logs.
+#[derive(Debug)]
+pub struct AboveLines;
+
+/// Standard error for logs, which go above the lines of a [`Board`].
+pub const fn stderr() -> AboveLines {
+    AboveLines
+}
+
+impl Write for AboveLines {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match SHOWN.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+            Some(lines) => lines.suspend(|| io::stderr().write(bytes)),
+            None => io::stderr().write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
+}
 
 /// Lines that are redrawn on a terminal, or logged every minute.
 pub struct Board {
@@ -20,7 +46,9 @@ pub struct Board {
 impl Board {
     /// A board on standard error; `log` takes a line where that is no terminal.
     pub fn new(lines: usize, log: fn(&str)) -> Self {
-        Self { terminal: std::io::stderr().is_terminal().then(|| bars(lines)), log, shown: Duration::ZERO }
+        let terminal = io::stderr().is_terminal().then(|| bars(lines));
+        *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = terminal.as_ref().map(|(all, _)| all.clone());
+        Self { terminal, log, shown: Duration::ZERO }
     }
 
     /// Whether lines should be shown at `now`; the caller shows them then.
@@ -44,18 +72,12 @@ impl Board {
             None => lines.iter().for_each(|line| (self.log)(line)),
         }
     }
+}
 
-    /// Does something that writes to the terminal, above the lines.
-    pub fn above(&self, write: impl FnOnce()) {
-        match &self.terminal {
-            Some((all, _)) => all.suspend(write),
-            None => write(),
-        }
-    }
-
-    /// Takes the lines from the terminal.
-    pub fn clear(&self) {
+impl Drop for Board {
+    fn drop(&mut self) {
         if let Some((all, _)) = &self.terminal {
+            *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = None;
             // What cannot be cleared stays.
             let _ = all.clear();
         }

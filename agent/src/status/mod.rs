@@ -15,7 +15,7 @@ use cofix_common::measurement::Usage;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
 
-pub use board::Board;
+pub use board::{AboveLines, Board, stderr};
 
 /// The rate of epochs is that of the last so many seconds.
 const RATE_WINDOW: Duration = Duration::from_secs(10);
@@ -85,7 +85,8 @@ impl Pulse {
 
     fn verdict_alarm(&mut self, verdict: Verdict, now: Duration) -> Option<String> {
         let was_unreliable = self.last.is_some_and(|last| matches!(last.verdict, Verdict::Unreliable(_)));
-        if was_unreliable || !matches!(verdict, Verdict::Unreliable(_)) || !may_alarm(self.verdict_alarm, now) {
+        if was_unreliable || !matches!(verdict, Verdict::Unreliable(_)) || !may_alarm(self.verdict_alarm, now)
+        {
             return None;
         }
         self.verdict_alarm = Some(now);
@@ -122,10 +123,13 @@ impl Pulse {
         } else {
             format!("came {:.1} s ago", now.saturating_sub(last.at).as_secs_f64())
         };
-        let sigma = last.sigma_m.map_or_else(|| "no sigma".to_owned(), |sigma_m| format!("sigma {sigma_m:.1} m"));
+        let sigma =
+            last.sigma_m.map_or_else(|| "no sigma".to_owned(), |sigma_m| format!("sigma {sigma_m:.1} m"));
         let Last { satellites, verdict, .. } = last;
         let epochs = self.epochs;
-        format!("{name}: {age}, {rate_hz:.1} Hz, {satellites} satellites, {sigma}, {verdict}; {epochs} epochs")
+        format!(
+            "{name}: {age}, {rate_hz:.1} Hz, {satellites} satellites, {sigma}, {verdict}; {epochs} epochs"
+        )
     }
 }
 

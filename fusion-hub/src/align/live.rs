@@ -91,7 +91,8 @@ impl Aligner {
     }
 
     /// How long the longest of the messages that must not wait longer than [`super::AlignOptions::maximum_wait`] has waited at `now`.
-    pub fn longest_wait(&mut self, now: Duration) -> Duration {
+    #[cfg(test)]
+    pub(super) fn longest_wait(&mut self, now: Duration) -> Duration {
         let heads = self.heads();
         let waited = heads.into_iter().filter_map(|(_, phone)| {
             let front = self.tracks.get(phone).filter(|track| !track.ahead)?.queue.front()?.arrived;
@@ -232,13 +233,19 @@ impl Aligner {
         let (now, wait_s) = (self.clock.now, self.options.maximum_wait.as_secs_f64());
         let mut released = false;
         for phone in 0..self.tracks.len() {
-            let Some(track) = self.tracks.get(phone).filter(|t| t.ahead && t.ahead_since < now) else { continue };
+            let Some(track) = self.tracks.get(phone).filter(|t| t.ahead && t.ahead_since < now) else {
+                continue;
+            };
             let newest = track.newest();
-            let others = (0..self.tracks.len()).filter(|other| self.tracks.get(*other).is_some_and(|t| !t.ahead));
+            let others =
+                (0..self.tracks.len()).filter(|other| self.tracks.get(*other).is_some_and(|t| !t.ahead));
             let group = others.filter_map(|other| self.speaks_of(other)).max();
             let is_near = group.zip(newest).is_some_and(|(group, newest)| newest - group <= wait_s);
             let alone = group.is_none();
-            if !(alone || is_near || newest.zip(group).is_some_and(|(newest, group)| self.outweighs(newest, group))) {
+            if !(alone
+                || is_near
+                || newest.zip(group).is_some_and(|(newest, group)| self.outweighs(newest, group)))
+            {
                 continue;
             }
             let Some(track) = self.tracks.get_mut(phone) else { continue };
@@ -271,7 +278,9 @@ impl Aligner {
             self.given_before = None;
             self.went_back = true;
             let back_s = done_to - time;
-            let text = format!("the group's time goes back by {back_s:.0} s to that of this phone: more speaks for it");
+            let text = format!(
+                "the group's time goes back by {back_s:.0} s to that of this phone: more speaks for it"
+            );
             self.notices.push(Notice { phone, kind: NoticeKind::WentBack, text });
             return true;
         }
@@ -330,7 +339,9 @@ impl Aligner {
 fn why_behind(lag_s: f64, slow: Option<f64>) -> String {
     match slow {
         Some(speed) => {
-            format!("its epochs come at {speed:.2} times the speed of time, so its link or its device is too slow")
+            format!(
+                "its epochs come at {speed:.2} times the speed of time, so its link or its device is too slow"
+            )
         }
         None if lag_s >= ANOTHER_TIME_S => {
             "is its clock right, and is it a recording of the same time?".to_owned()

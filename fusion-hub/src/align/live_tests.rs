@@ -153,9 +153,12 @@ fn agents_that_start_some_seconds_apart_lose_nothing_at_any_speed() {
     for speed in [1.0, 20.0, 1e6] {
         let mut live = Live::of(2);
         let mut sayings: Vec<(f64, usize, f64)> = (0..2_000_u32)
-            .flat_map(|epoch| [0.0, 4.5].into_iter().enumerate().map(move |(phone, late_s)| {
-                (late_s + f64::from(epoch) / speed, phone, f64::from(epoch))
-            }))
+            .flat_map(|epoch| {
+                [0.0, 4.5]
+                    .into_iter()
+                    .enumerate()
+                    .map(move |(phone, late_s)| (late_s + f64::from(epoch) / speed, phone, f64::from(epoch)))
+            })
             .collect();
         sayings.sort_by(|one, other| one.0.total_cmp(&other.0));
         for (now_s, phone, second) in sayings {

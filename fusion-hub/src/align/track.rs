@@ -128,9 +128,7 @@ impl Track {
     /// What waits of a later time than the phone is at now is not of it any more.
     fn go_back_to(&mut self, time: GpsTime) {
         while let Some(later) = self.queue.pop_back_if(|waiting| waiting.message.time_gps >= time) {
-            self.skips.add(WENT_BACK, || {
-                describe(&later.message, Some(time), None)
-            });
+            self.skips.add(WENT_BACK, || describe(&later.message, Some(time), None));
         }
         self.latest = None;
         self.marks.clear();

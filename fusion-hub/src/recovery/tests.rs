@@ -100,7 +100,8 @@ fn an_answer_whose_end_is_lost_is_not_waited_for_without_end() {
 #[test]
 fn what_the_agent_does_not_keep_is_given_up_at_once_and_the_rest_asked_for() {
     for is_live in [true, false] {
-        let (mut intake, mut recovery) = (intake(), if is_live { Recovery::live(PATIENCE) } else { Recovery::of_a_replay() });
+        let (mut intake, mut recovery) =
+            (intake(), if is_live { Recovery::live(PATIENCE) } else { Recovery::of_a_replay() });
         kept(&mut intake, 5, 9);
         assert_eq!(recovery.steps(&intake, after(0)), [], "they may be on their way");
         assert_eq!(given_up(&recovery.steps(&intake, after(100))), Some(5));
