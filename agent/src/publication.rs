@@ -5,6 +5,7 @@
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until that is all of them.
 
+use std::cell::Cell;
 use std::time::{Duration, Instant};
 
 use cofix_common::wire::{
@@ -178,20 +179,24 @@ impl Publication {
     /// link. How many it has; `None` when it never answered.
     pub fn wait_for_receipt(&self, patience: Duration, stop: &Stop) -> Option<u64> {
         let mut wait = ReceiptWait { patience, known: None, progress: Instant::now() };
-        let mut reminded = Instant::now();
+        let reminded = Cell::new(Instant::now());
         while wait.known.is_none_or(|known| known.settled() < self.published) {
-            let goes_on = || wait.progress.elapsed() < wait.limit(stop.is_requested(), self.is_connected());
-            if !goes_on() {
+            let goes_on = || {
+                if reminded.get().elapsed() >= REMINDER {
+                    reminded.set(Instant::now());
+                    tracing::info!(
+                        "{}: waiting for the hub to confirm {} epochs",
+                        self.phone,
+                        self.published
+                    );
+                }
+                wait.progress.elapsed() < wait.limit(stop.is_requested(), self.is_connected())
+            };
+            let Ok(answer) = self.ask_for_receipt(UNANSWERED, &goes_on) else { break };
+            if answer.is_none() && !goes_on() || wait.is_enough(answer) {
                 break;
             }
-            let Ok(answer) = self.ask_for_receipt(REMINDER, &goes_on) else { break };
-            if answer.is_none() && reminded.elapsed() >= REMINDER {
-                reminded = Instant::now();
-                tracing::info!("{}: waiting for the hub to confirm {} epochs", self.phone, self.published);
-            }
-            if !wait.answered(answer) && answer.is_some() {
-                std::thread::sleep(POLL);
-            }
+            std::thread::sleep(POLL);
         }
         wait.known.map(|known| known.received)
     }
@@ -256,22 +261,21 @@ struct ReceiptWait {
 }
 
 impl ReceiptWait {
-    /// How long may pass without progress.
+    /// How long an answer may take: of a hub that is connected, all that was published before the question may still be on its way.
     fn limit(&self, stop_is_requested: bool, is_connected: bool) -> Duration {
-        match (stop_is_requested, self.known) {
+        match (stop_is_requested, is_connected) {
             (true, _) => self.patience.min(LAST_WORDS),
-            (false, None) if is_connected => self.patience.max(UNANSWERED),
-            (false, _) => self.patience,
+            (false, true) => self.patience.max(UNANSWERED),
+            (false, false) => self.patience,
         }
     }
 
-    /// Takes an answer in; whether it says more than the ones before.
-    fn answered(&mut self, answer: Option<Receipt>) -> bool {
-        let says_more = answer.map(Receipt::settled) > self.known.map(Receipt::settled);
-        if says_more {
+    /// Takes an answer in; whether it is the last one, since the hub has not got more for long enough.
+    fn is_enough(&mut self, answer: Option<Receipt>) -> bool {
+        if answer.map(Receipt::settled) > self.known.map(Receipt::settled) {
             (self.known, self.progress) = (answer, Instant::now());
         }
-        says_more
+        answer.is_some() && self.progress.elapsed() >= self.patience
     }
 }
 
@@ -321,15 +325,19 @@ mod tests {
 
     #[test]
     fn a_hub_that_is_connected_is_waited_for_until_it_answers() {
+        let patience = Duration::from_mins(20);
         let mut wait =
             ReceiptWait { patience: Duration::from_secs(10), known: None, progress: Instant::now() };
         assert_eq!(wait.limit(false, true), UNANSWERED, "what it has is still on its way");
         assert_eq!(wait.limit(false, false), Duration::from_secs(10), "the connection is lost");
         assert_eq!(wait.limit(true, true), LAST_WORDS);
-        assert!(wait.answered(Some(Receipt { received: 3, lost: 1 })));
-        assert!(!wait.answered(Some(Receipt { received: 3, lost: 0 })) && !wait.answered(None));
-        assert_eq!(wait.limit(false, true), Duration::from_secs(10), "it answers");
-        assert_eq!(wait.known, Some(Receipt { received: 3, lost: 1 }));
+        wait.patience = patience;
+        let receipt = |received| Some(Receipt { received, lost: 1 });
+        assert!(!wait.is_enough(receipt(3)) && !wait.is_enough(receipt(2)) && !wait.is_enough(None));
+        assert_eq!(wait.known, receipt(3));
+        wait.patience = Duration::ZERO;
+        assert!(!wait.is_enough(None), "no answer says nothing");
+        assert!(wait.is_enough(receipt(3)), "it has had no more for long enough");
     }
 
     #[test]

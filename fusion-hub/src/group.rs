@@ -26,7 +26,7 @@ use steady::Steady;
 /// How long the thread waits for an event before it looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
 /// How long agents that have ended and are still there may take to ask whether everything arrived: on a slow link the question takes a while.
-const FAREWELL: Duration = Duration::from_mins(1);
+const FAREWELL: Duration = Duration::from_secs(30);
 /// How long agents that were told so may stay.
 const LINGER: Duration = Duration::from_secs(1);
 /// Most events that are taken in before the thread looks at the clock: who is late is decided when all that has come is known.
@@ -67,6 +67,7 @@ pub struct Group {
     /// By phone, whether an agent is there.
     alive: Vec<bool>,
     grace: Duration,
+    farewell: Duration,
 }
 
 /// The parts of a group.
@@ -116,12 +117,13 @@ impl Group {
             missing: vec![None; phones],
             alive: vec![false; phones],
             grace: Self::GRACE,
+            farewell: FAREWELL,
         }
     }
 
-    /// Another time for stragglers than [`Group::GRACE`].
+    /// Another time for stragglers than [`Group::GRACE`], which agents that have ended may take for their last question too.
     pub fn with_grace(self, grace: Duration) -> Self {
-        Self { grace, ..self }
+        Self { grace, farewell: grace, ..self }
     }
 
     /// The phones' names.
@@ -184,7 +186,8 @@ impl Group {
     pub fn see_off(&mut self, events: &Receiver<Event>, stop: &Stop) {
         let start = Instant::now();
         let mut told_since: Option<Instant> = None;
-        while self.alive.iter().any(|alive| *alive) && start.elapsed() < FAREWELL && !stop.is_requested() {
+        while self.alive.iter().any(|alive| *alive) && start.elapsed() < self.farewell && !stop.is_requested()
+        {
             match events.recv_timeout(TICK) {
                 Ok(Event::Alive { phone, alive }) => self.note_alive(&phone, alive),
                 Err(RecvTimeoutError::Disconnected) => return,
