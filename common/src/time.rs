@@ -11,6 +11,8 @@ use serde::{Deserialize, Serialize};
 
 /// Seconds in a GPS week.
 pub const SECONDS_PER_WEEK: f64 = 604_800.0;
+/// GPS messages count weeks modulo this (IS-GPS-200, 20.3.3.3.1.1); a receiver that takes no care is off by it, or twice.
+pub const WEEKS_PER_ROLLOVER: i64 = 1_024;
 /// BeiDou time is 14 s behind GPS time (BDS-SIS-ICD, 3.3).
 pub const BEIDOU_BEHIND_GPS_S: f64 = 14.0;
 /// BeiDou week 0 is GPS week 1356.
@@ -29,9 +31,10 @@ pub struct GpsTime {
 
 /// Text that is not a GPS calendar time.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("'{text}' is not a GPS time; write YYYY-MM-DDThh:mm:ss, for example 2020-08-13T14:33:00")]
+#[error("'{text}' is not a GPS time; write YYYY-MM-DDThh:mm:ss, for example 2020-08-13T14:33:00{hint}")]
 pub struct GpsTimeError {
     text: String,
+    hint: &'static str,
 }
 
 /// A calendar date and time of day in GPS time.
@@ -119,6 +122,18 @@ impl GpsTime {
         self.nanos.div_euclid(7 * SECONDS_PER_DAY * NANOS_PER_SECOND)
     }
 
+    /// Weeks to add to this time, a multiple of 1,024 and not 0, to come to within ten days of `other`: a receiver's week is then
+    /// probably not rolled over. `None` if there is no such number.
+    pub fn rollover_weeks_to(self, other: Self) -> Option<i64> {
+        const NEAR_S: f64 = 10.0 * 86_400.0;
+        let rollover_s = WEEKS_PER_ROLLOVER as f64 * SECONDS_PER_WEEK;
+        let difference_s = other - self;
+        let times = (difference_s / rollover_s).round();
+        #[allow(clippy::cast_possible_truncation)] // 64 bits of nanoseconds have room for 30 rollovers
+        let weeks = times as i64 * WEEKS_PER_ROLLOVER;
+        (weeks != 0 && (difference_s - times * rollover_s).abs() <= NEAR_S).then_some(weeks)
+    }
+
     /// Seconds into the GPS week, in [0, 604800).
     pub fn tow_s(self) -> f64 {
         let nanos = self.nanos.rem_euclid(7 * SECONDS_PER_DAY * NANOS_PER_SECOND);
@@ -165,11 +180,22 @@ impl Sub for GpsTime {
     }
 }
 
-impl fmt::Display for GpsTime {
+impl GpsTime {
+    /// `YYYY-MM-DDThh:mm:ss.sss`, cut to the millisecond, for fields whose name says that they hold GPS time.
+    pub fn iso(self) -> String {
+        Iso(self).to_string()
+    }
+}
+
+/// A time without the name of its scale.
+struct Iso(GpsTime);
+
+impl fmt::Display for Iso {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let seconds = self.nanos.div_euclid(NANOS_PER_SECOND);
-        let nanos = self.nanos.rem_euclid(NANOS_PER_SECOND);
-        let c = Self::from_nanos(seconds.saturating_mul(NANOS_PER_SECOND)).calendar();
+        let Self(GpsTime { nanos: all }) = *self;
+        let seconds = all.div_euclid(NANOS_PER_SECOND);
+        let nanos = all.rem_euclid(NANOS_PER_SECOND);
+        let c = GpsTime::from_nanos(seconds.saturating_mul(NANOS_PER_SECOND)).calendar();
         write!(
             f,
             "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}",
@@ -184,20 +210,39 @@ impl fmt::Display for GpsTime {
     }
 }
 
+/// With its scale, for people: `2020-08-13T14:33:00.000 GPS`.
+impl fmt::Display for GpsTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} GPS", Iso(*self))
+    }
+}
+
 impl fmt::Debug for GpsTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{self} GPST")
+        fmt::Display::fmt(self, f)
     }
 }
 
 impl FromStr for GpsTime {
     type Err = GpsTimeError;
 
-    /// Reads `YYYY-MM-DDThh:mm:ss[.fraction]` (a space instead of `T` will do), in GPS time.
+    /// Reads `YYYY-MM-DDThh:mm:ss[.fraction]` (a space instead of `T` will do), in GPS time; `GPS` may follow.
     fn from_str(text: &str) -> Result<Self, GpsTimeError> {
-        parse_calendar(text)
+        let calendar = text.trim().strip_suffix("GPS").unwrap_or(text);
+        parse_calendar(calendar)
             .and_then(Self::from_calendar)
-            .ok_or_else(|| GpsTimeError { text: text.to_owned() })
+            .ok_or_else(|| GpsTimeError { text: text.to_owned(), hint: scale_hint(text) })
+    }
+}
+
+/// What to say of a time in another scale.
+fn scale_hint(text: &str) -> &'static str {
+    let text = text.trim_end();
+    let offset = text.rsplit_once(['T', ' ']).is_some_and(|(_, clock)| clock.contains(['+', '-']));
+    if text.ends_with(['Z', 'z']) || text.ends_with("UTC") || offset {
+        ", in GPS time without a zone (18 s more than UTC since 2017)"
+    } else {
+        ""
     }
 }
 
@@ -264,6 +309,18 @@ mod tests {
     }
 
     #[test]
+    fn weeks_that_were_not_rolled_over_are_recognised() {
+        let weeks =
+            |from: &str, to: &str| from.parse::<GpsTime>().unwrap().rollover_weeks_to(to.parse().unwrap());
+        assert_eq!(weeks("2000-11-09T12:10:00", "2020-06-25T12:10:00"), Some(1_024));
+        assert_eq!(weeks("2000-11-09T12:10:00", "2020-06-20T00:00:00"), Some(1_024));
+        assert_eq!(weeks("2020-06-25T12:10:00", "2000-11-09T12:10:00"), Some(-1_024));
+        assert_eq!(weeks("1981-03-26T12:10:00", "2020-06-25T12:10:00"), Some(2_048));
+        assert_eq!(weeks("2020-06-25T12:10:00", "2020-06-25T12:10:00"), None);
+        assert_eq!(weeks("2000-11-09T12:10:00", "2020-08-25T12:10:00"), None);
+    }
+
+    #[test]
     fn known_dates_have_their_week_and_second() {
         assert_eq!(calendar(1980, 1, 6, 0, 0, 0.0).nanos(), 0);
         let time = calendar(2020, 8, 13, 14, 19, 1.999_759);
@@ -283,7 +340,12 @@ mod tests {
     #[test]
     fn text_is_read_and_written() {
         let time: GpsTime = "2020-08-13T14:33:00".parse().unwrap();
-        assert_eq!(time.to_string(), "2020-08-13T14:33:00.000");
+        assert_eq!(time.to_string(), "2020-08-13T14:33:00.000 GPS");
+        assert_eq!((time.to_string().parse(), time.iso().parse()), (Ok(time), Ok(time)));
+        for other_scale in ["2020-08-13T14:33:00Z", "2020-08-13 14:33:00 UTC", "2020-08-13T14:33:00+08:00"] {
+            let error = other_scale.parse::<GpsTime>().unwrap_err().to_string();
+            assert!(error.contains("in GPS time without a zone"), "{error}");
+        }
         assert!("2020-02-30T00:00:00".parse::<GpsTime>().is_err());
         assert!("yesterday".parse::<GpsTime>().unwrap_err().to_string().contains("yesterday"));
     }

@@ -133,6 +133,11 @@ impl Engine {
         self.filter = JointFilter::new(self.options.filter);
     }
 
+    /// The constraints, in force or not.
+    pub fn constraints(&self) -> &[ScheduledConstraint] {
+        &self.constraints
+    }
+
     /// What was skipped so far.
     pub const fn skips(&self) -> &Skips {
         &self.skips

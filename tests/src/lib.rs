@@ -1,9 +1,10 @@
 //! What the whole-system tests share: small simulated sessions, and a hub and agents as separate parts so that faults can be put between
 //! them.
 
+#[path = "../../agent/tests/limits/mod.rs"]
+pub mod limits;
 pub mod slow_link;
 
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -17,6 +18,7 @@ use cofix_hub::outputs::Outputs;
 use cofix_hub::replay::Plan;
 use cofix_hub::report::Report;
 use cofix_hub::scores::Scores;
+use limits::Running;
 use zenoh::qos::CongestionControl;
 
 /// A convoy of `phones` phones for `duration_s` seconds on an open road.
@@ -45,7 +47,7 @@ pub struct Hub {
     pub endpoints: Vec<String>,
     /// Ends the hub.
     pub stop: Stop,
-    thread: JoinHandle<anyhow::Result<Report>>,
+    thread: Running<anyhow::Result<Report>>,
 }
 
 impl Hub {
@@ -84,7 +86,7 @@ impl Hub {
         .with_grace(Duration::from_secs(4));
         let stop = Stop::default();
         let asked = stop.clone();
-        let thread = std::thread::spawn(move || {
+        let thread = limits::spawn(move || {
             group.work(&events, &asked)?;
             group.see_off(&events, &asked);
             let report = group.report().0;
@@ -144,11 +146,11 @@ pub fn agent_config(plan: &Plan, phone: usize, connect: &[String]) -> anyhow::Re
 }
 
 /// An agent at work on a thread of its own.
-pub type AgentThread = JoinHandle<Result<AgentReport, AgentError>>;
+pub type AgentThread = Running<Result<AgentReport, AgentError>>;
 
 /// Starts an agent.
 pub fn start_agent(config: AgentConfig) -> AgentThread {
-    std::thread::spawn(move || cofix_agent::run(&config, &Stop::default()))
+    limits::spawn(move || cofix_agent::run(&config, &Stop::default()))
 }
 
 /// Runs the agents of all phones of a plan to their end.

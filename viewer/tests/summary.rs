@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests, too
 
+#[path = "../../agent/tests/limits/mod.rs"]
+mod limits;
 #[path = "../../fusion-hub/tests/support/mod.rs"]
 mod support;
 
@@ -23,7 +25,9 @@ fn recorded() -> (TempDir, PathBuf) {
 }
 
 fn viewer() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_cofix-viewer"))
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cofix-viewer"));
+    command.timeout(limits::LIMIT);
+    command
 }
 
 fn stdout(command: &mut Command) -> String {
@@ -44,6 +48,7 @@ fn summarise(path: &Path) -> Command {
 #[test]
 fn names_are_those_of_the_recorder() {
     assert_eq!(cofix_viewer::APPLICATION_ID, recorder::APPLICATION_ID);
+    assert_eq!(cofix_viewer::INCOMPLETE, recorder::INCOMPLETE);
     assert_eq!(cofix_viewer::TIMELINE, recorder::TIMELINE);
 }
 
@@ -71,7 +76,7 @@ fn the_program_prints_it() {
     let text = stdout(&mut summarise(&path));
     for expected in [
         "group synthetic",
-        "gps_time: 2020-08-13T14:29:59.750 to 2020-08-13T14:30:19.000, 19.2 s",
+        "gps_time: 2020-08-13T14:29:59.750 to 2020-08-13T14:30:19.000 GPS, 19.2 s",
         "phones: 2 (P1, P2)",
         "| joint | P1 | 0.75 |",
         "/phones/*/satellites/usage/*",

@@ -1,7 +1,9 @@
 //! Truth, errors against it, percentiles: what a position is worth.
 
 mod score;
+mod shift;
 mod truth;
 
-pub use score::{Accuracy, Solution, score};
+pub use score::{Accuracy, Solution, Spans, score};
+pub use shift::{TimeShift, time_shift};
 pub use truth::{Truth, TruthError, TruthPoint};

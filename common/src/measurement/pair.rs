@@ -8,7 +8,7 @@
 
 use std::str::FromStr;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::{GivenCorrections, PreparedObservation};
 use crate::gnss::{Constellation, SignalCode};
@@ -18,7 +18,7 @@ use crate::skips::Skips;
 const MOST_NOISE: f64 = 5.0;
 
 /// What is done about the ionosphere.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ionosphere {
     /// Every signal by itself, with the delay of a model (or of the recording, where it states one).
@@ -154,7 +154,7 @@ fn pair(
     Some(PreparedObservation {
         pseudorange_m: factor * first.pseudorange_m - (factor - 1.0) * second.pseudorange_m,
         range_rate_mps: first.range_rate_mps.or(second.range_rate_mps),
-        stated: first.stated.map(|stated| GivenCorrections { ionosphere_m: 0.0, ..stated }),
+        stated: first.stated.map(|stated| GivenCorrections { ionosphere_m: Some(0.0), ..stated }),
         second: Some(Second {
             pair: name,
             factor,
