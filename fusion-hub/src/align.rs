@@ -170,7 +170,7 @@ impl Aligner {
             Place::Follows => self.accept(phone, waiting),
             Place::Unknown if vouched => self.join(phone, waiting),
             Place::Confirms(confirmed) => {
-                self.join(phone, confirmed);
+                self.join(phone, *confirmed);
                 self.accept(phone, waiting);
             }
             Place::Unknown => {

@@ -45,7 +45,7 @@ pub(super) enum Place {
     /// It goes on where the phone was.
     Follows,
     /// It follows one that was held back, which is believed now.
-    Confirms(Waiting),
+    Confirms(Box<Waiting>),
     /// It is far from everything else.
     Unknown,
 }
@@ -122,7 +122,7 @@ impl Track {
         if goes_back {
             self.go_back_to(confirmed.message.time_gps);
         }
-        Place::Confirms(confirmed)
+        Place::Confirms(Box::new(confirmed))
     }
 
     /// What waits of a later time than the phone is at now is not of it any more.
