@@ -14,25 +14,11 @@ const LOG: Duration = Duration::from_mins(1);
 /// The lines that are on the terminal now.
 static SHOWN: Mutex<Option<MultiProgress>> = Mutex::new(None);
 
-/// Standard error, above the lines of a [`Board`]: the writer for logs.
-#[derive(Debug)]
-pub struct AboveLines;
-
-/// Standard error for logs, which go above the lines of a [`Board`].
-pub const fn stderr() -> AboveLines {
-    AboveLines
-}
-
-impl Write for AboveLines {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match SHOWN.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
-            Some(lines) => lines.suspend(|| io::stderr().write(bytes)),
-            None => io::stderr().write(bytes),
-        }
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        io::stderr().flush()
+/// Writes to the standard error, above the lines of a [`Board`].
+fn write_above(bytes: &[u8]) -> io::Result<usize> {
+    match SHOWN.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+        Some(lines) => lines.suspend(|| io::stderr().write(bytes)),
+        None => io::stderr().write(bytes),
     }
 }
 
@@ -46,6 +32,7 @@ pub struct Board {
 impl Board {
     /// A board on standard error; `log` takes a line where that is no terminal.
     pub fn new(lines: usize, log: fn(&str)) -> Self {
+        cofix_console::write_log_through(write_above);
         let terminal = io::stderr().is_terminal().then(|| bars(lines));
         *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = terminal.as_ref().map(|(all, _)| all.clone());
         Self { terminal, log, shown: Duration::ZERO }

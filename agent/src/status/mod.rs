@@ -15,7 +15,7 @@ use cofix_common::measurement::Usage;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
 
-pub use board::{AboveLines, Board, stderr};
+pub use board::Board;
 
 /// The rate of epochs is that of the last so many seconds.
 const RATE_WINDOW: Duration = Duration::from_secs(10);

@@ -196,12 +196,12 @@ fn a_slow_link_delays_the_others_up_to_the_latency_and_is_named() {
         let (mut sent, mut third_waits) = (0.0, 0);
         for tenth in 0..6_000_u32 {
             let now_s = f64::from(tenth) / 10.0;
-            if tenth % 10 == 0 {
+            if tenth.is_multiple_of(10) {
                 live.say(0, now_s, now_s);
                 live.say(1, now_s, now_s);
             }
             // Two of three of its epochs pass.
-            if tenth % 15 == 0 {
+            if tenth.is_multiple_of(15) {
                 live.say(2, sent, now_s);
                 sent += 1.0;
             }
@@ -225,7 +225,7 @@ fn a_delayed_link_is_fused_within_the_latency_and_left_behind_beyond_it() {
             live.wall_s = with_clock.then_some(0.0);
             for tenth in 0..1_000_u32 {
                 let now_s = f64::from(tenth) / 10.0;
-                if tenth % 10 == 0 {
+                if tenth.is_multiple_of(10) {
                     live.say(0, now_s, now_s);
                 }
                 let epoch_s = now_s - delay_s;
@@ -347,14 +347,14 @@ fn a_phone_far_behind_the_majority_does_not_stop_the_others() {
 #[test]
 fn an_agent_restarted_on_an_older_log_does_not_stop_the_others() {
     for older_s in [50.0, 200.0, 1_800.0, 1e6] {
-        for pause_s in [0.0, 20.0] {
+        for pause_s in [0_u32, 20] {
             let mut live = Live::of(2);
             for second in 0..180_u32 {
                 let second = f64::from(second);
                 live.say(0, second, second);
                 if second < 60.0 {
                     live.say(1, second, second);
-                } else if second >= 60.0 + pause_s {
+                } else if second >= 60.0 + f64::from(pause_s) {
                     live.say(1, second - older_s, second);
                 }
             }
@@ -365,7 +365,7 @@ fn an_agent_restarted_on_an_older_log_does_not_stop_the_others() {
             assert!(live.told().iter().all(|(phone, _)| *phone == 1), "{older_s}: {:?}", live.notices);
             let skips = live.aligner.skips(1).unwrap();
             let dropped = skips.total() - skips.count("phone behind the others: not waited for");
-            assert!(dropped >= 100 - pause_s as u64, "{older_s}: {skips}");
+            assert!(dropped >= 100 - u64::from(pause_s), "{older_s}: {skips}");
         }
     }
 }
@@ -388,12 +388,12 @@ fn old_epochs_of_a_silent_phone_keep_nobody_waiting() {
 #[test]
 fn an_agent_that_comes_and_goes_without_a_word_keeps_nobody_waiting() {
     let mut live = Live::of(2);
-    for second in 0..60_u32 {
-        let second = f64::from(second);
+    for epoch in 0..60 {
+        let second = epoch as f64;
         live.aligner.leave(1);
         live.say(0, second, second);
         // The first is believed with the second.
-        assert_eq!(live.fused.len(), if second > 0.0 { second as usize + 1 } else { 0 });
+        assert_eq!(live.fused.len(), if epoch > 0 { epoch + 1 } else { 0 });
     }
     assert_eq!(live.longest_wait, Duration::ZERO);
 }
@@ -423,7 +423,7 @@ fn history_that_comes_slowly_is_left_out_rather_than_waited_for() {
     }
     for twentieth in 0..20 * 60_u32 {
         let now_s = 1.0 + f64::from(twentieth) / 20.0;
-        if twentieth % 20 == 0 {
+        if twentieth.is_multiple_of(20) {
             live.say(0, now_s, now_s);
         }
         live.say(1, f64::from(twentieth) - 3_600.0, now_s);
@@ -497,7 +497,7 @@ proptest! {
         let mut said = 0;
         for (step, deed) in deeds.into_iter().enumerate() {
             let now_s = step as f64 / 10.0;
-            if step % 10 == 0 {
+            if step.is_multiple_of(10) {
                 live.say(0, now_s, now_s);
                 said += 1;
             }

@@ -89,7 +89,7 @@ impl Bench {
     /// Steps for some seconds, in which `a` speaks every second and must be fused within the latency; `more` says what else happens.
     fn go(&mut self, seconds: u32, mut more: impl FnMut(&mut Self)) {
         for _ in 0..10 * seconds {
-            if self.tenth % 10 == 0 {
+            if self.tenth.is_multiple_of(10) {
                 self.say("a", u64::from(self.tenth / 10));
             }
             more(self);
@@ -108,7 +108,7 @@ fn history_that_comes_slowly_holds_up_neither_the_group_nor_its_phone() {
         let mut bench = Bench::new();
         let mut answered = 0;
         bench.go(40, |bench| {
-            if bench.tenth % 10 == 0 {
+            if bench.tenth.is_multiple_of(10) {
                 bench.say("b", 60 + u64::from(bench.tenth / 10));
             }
             if answers && bench.tenth % 10 == 5 {
@@ -157,7 +157,7 @@ fn a_token_that_comes_and_goes_holds_up_nobody() {
     let mut bench = Bench::new();
     bench.go(60, |bench| {
         let alive = bench.tenth % 14 < 7;
-        if bench.tenth % 7 == 0 {
+        if bench.tenth.is_multiple_of(7) {
             bench.events.push(Event::Alive { phone: "b".to_owned(), alive });
         }
     });
@@ -169,10 +169,10 @@ fn a_token_that_comes_and_goes_holds_up_nobody() {
 fn an_agent_restarted_on_an_older_log_holds_up_nobody_and_is_counted() {
     let mut bench = Bench::new();
     bench.go(60, |bench| {
-        if bench.tenth % 10 == 0 && bench.tenth < 200 {
+        if bench.tenth.is_multiple_of(10) && bench.tenth < 200 {
             bench.say("b", u64::from(bench.tenth / 10));
         }
-        if bench.tenth >= 250 && bench.tenth % 10 == 0 {
+        if bench.tenth >= 250 && bench.tenth.is_multiple_of(10) {
             let sequence = u64::from(bench.tenth / 10) - 25;
             let old = Arrival {
                 sender: Some("another run".to_owned()),
@@ -192,7 +192,7 @@ fn a_slow_link_makes_losses_that_are_told() {
     let mut bench = Bench::new();
     let mut sent = 0;
     bench.go(120, |bench| {
-        if bench.tenth % 15 == 0 {
+        if bench.tenth.is_multiple_of(15) {
             bench.events.push(Event::Epoch(arrival("b", epoch_bytes("b", sent, sent as f64))));
             sent += 1;
         }
