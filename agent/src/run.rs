@@ -6,7 +6,7 @@ use cofix_common::measurement::DifferentialCounts;
 use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
-use cofix_common::wire::{PhoneStatus, check_name};
+use cofix_common::wire::{EpochMessage, PhoneStatus, check_name};
 
 use crate::corrections::{Feed, News};
 use crate::input::ntrip::RoverPosition;
@@ -46,6 +46,15 @@ pub enum AgentError {
         /// Epochs published.
         published: u64,
     },
+    /// The hub never said what it got.
+    #[error(
+        "{published} epochs were published and none is confirmed: the hub did not answer how many of them it has; it ended, the connection is \
+         lost, or the link is too slow for what waits on it (the hub's report tells)"
+    )]
+    Unanswered {
+        /// Epochs published.
+        published: u64,
+    },
 }
 
 /// What an agent did.
@@ -69,6 +78,18 @@ pub struct AgentReport {
 /// When a name or the source cannot be used, the hub cannot be reached, does not listen or does not know the phone, or did
 /// not confirm all epochs.
 pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError> {
+    run_watched(config, stop, &mut |_| {})
+}
+
+/// Like [`run`]; `watch` is shown every message that was published.
+///
+/// # Errors
+/// As of [`run`].
+pub fn run_watched(
+    config: &AgentConfig,
+    stop: &Stop,
+    watch: &mut dyn FnMut(&EpochMessage),
+) -> Result<AgentReport, AgentError> {
     for name in [&config.group, &config.phone] {
         check_name(name).map_err(PublicationError::from)?;
     }
@@ -96,6 +117,7 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
         terms_known: false,
         channels_known: 0,
         shortcomings: Skips::default(),
+        watch,
     };
     let outcome = work.publish(&mut opened, expected);
     skips.merge(&work.shortcomings);
@@ -199,6 +221,7 @@ struct Work<'a> {
     /// GLONASS channels of a live source that went into the products.
     channels_known: usize,
     shortcomings: Skips,
+    watch: &'a mut dyn FnMut(&EpochMessage),
 }
 
 impl Work<'_> {
@@ -239,6 +262,7 @@ impl Work<'_> {
                 self.rover.set(position);
             }
             self.publication.epoch(&message)?;
+            (self.watch)(&message);
         }
         Ok(())
     }
@@ -314,9 +338,10 @@ fn finish(
         return Ok(());
     }
     let last_wait = if is_live { &Stop::default() } else { stop };
-    match publication.wait_for_receipt(config.patience, last_wait).unwrap_or(0) {
-        confirmed if confirmed >= published => Ok(()),
-        confirmed => Err(AgentError::NotConfirmed { confirmed, published }),
+    match publication.wait_for_receipt(config.patience, last_wait) {
+        Some(confirmed) if confirmed >= published => Ok(()),
+        Some(confirmed) => Err(AgentError::NotConfirmed { confirmed, published }),
+        None => Err(AgentError::Unanswered { published }),
     }
 }
 

@@ -222,7 +222,7 @@ fn open_live(
 }
 
 /// GPS time now, by the computer's clock.
-pub(crate) fn now() -> GpsTime {
+pub fn now() -> GpsTime {
     gps_time_of(SystemTime::now())
 }
 

@@ -24,3 +24,4 @@ pub mod replay;
 pub mod report;
 pub mod scores;
 pub mod session;
+pub mod status;

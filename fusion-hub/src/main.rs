@@ -43,7 +43,7 @@ enum Command {
         /// End when the agents of all phones have finished, instead of on Ctrl-C
         #[arg(long)]
         until_finished: bool,
-        /// How long a phone may be silent before the others go on without it; it may lag by twice as much
+        /// Longest wait for a phone: an epoch of the others waits so long after its arrival, then they go on without that phone
         #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = latency)]
         latency: f64,
         #[command(flatten)]
