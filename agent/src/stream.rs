@@ -10,6 +10,7 @@ use cofix_common::rinex::{IonosphereTerms, ObservationDecoder, ObservationHeader
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
+use cofix_common::whu::SpareLogDecoder;
 
 use crate::format::{self, Format};
 use crate::phone::PhoneTally;
@@ -40,6 +41,7 @@ enum Kind {
     GnssLogger(Box<GnssLoggerDecoder>),
     Rtcm3(Box<RtcmDecoder>),
     ChallengeTable(Box<DerivedDecoder>),
+    SpareLog(Box<SpareLogDecoder>),
 }
 
 impl StreamDecoder {
@@ -76,6 +78,7 @@ impl StreamDecoder {
             Kind::GnssLogger(_) => Some(Format::GnssLogger),
             Kind::Rtcm3(_) => Some(Format::Rtcm3),
             Kind::ChallengeTable(_) => Some(Format::ChallengeTable),
+            Kind::SpareLog(_) => Some(Format::SpareLog),
         }
     }
 
@@ -173,6 +176,7 @@ impl StreamDecoder {
             Kind::GnssLogger(decoder) => decoder.as_mut(),
             Kind::Rtcm3(decoder) => decoder.as_mut(),
             Kind::ChallengeTable(decoder) => decoder.as_mut(),
+            Kind::SpareLog(decoder) => decoder.as_mut(),
         }
     }
 
@@ -196,6 +200,7 @@ impl StreamDecoder {
             Some(Format::ChallengeTable) => {
                 Kind::ChallengeTable(Box::new(DerivedDecoder::new(self.log.masks.clone())))
             }
+            Some(Format::SpareLog) => Kind::SpareLog(Box::default()),
             Some(Format::Rtcm3) | None if probe.frames() > 0 => Kind::Rtcm3(probe.clone()),
             Some(Format::Rtcm3) | None
                 if ended || start.len() >= BYTES_TO_RECOGNISE || format::is_packed(start) =>
@@ -245,6 +250,7 @@ impl Decoder for StreamDecoder {
             Kind::GnssLogger(decoder) => decoder.skips(),
             Kind::Rtcm3(decoder) => decoder.skips(),
             Kind::ChallengeTable(decoder) => decoder.skips(),
+            Kind::SpareLog(decoder) => decoder.skips(),
         }
     }
 }

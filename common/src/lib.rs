@@ -27,4 +27,5 @@ pub mod solve;
 pub mod statistics;
 pub mod time;
 mod time_order;
+pub mod whu;
 pub mod wire;

@@ -30,6 +30,9 @@ enum Command {
     Run {
         /// Session file: group, phones, constraints
         session: PathBuf,
+        /// Folder to which the session file's paths are relative [default: its own]
+        #[arg(long, value_name = "DIR")]
+        data: Option<PathBuf>,
         /// Zenoh endpoint to listen on; may be repeated
         #[arg(long, value_name = "ENDPOINT", default_value = "tcp/0.0.0.0:7447")]
         listen: Vec<String>,
@@ -49,6 +52,9 @@ enum Command {
     Replay {
         /// Session file with observations for every phone
         session: PathBuf,
+        /// Folder to which the session file's paths are relative [default: its own]
+        #[arg(long, value_name = "DIR")]
+        data: Option<PathBuf>,
         /// 'max', or times the recorded speed (1 = as recorded)
         #[arg(long, default_value = "max")]
         speed: Speed,
@@ -110,8 +116,8 @@ fn log_to_stderr(command: &Command) {
 
 fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
     match command {
-        Command::Run { session: file, listen, until_finished, latency, overwrite, outputs } => {
-            let session = Session::read(&file)?;
+        Command::Run { session: file, data, listen, until_finished, latency, overwrite, outputs } => {
+            let session = Session::read_with_data(&file, data.as_deref())?;
             let report = outputs.prepare(&inputs(&file, &session))?;
             if let (Some(path), false) = (&outputs.recording, overwrite) {
                 check_absent(path)?;
@@ -120,8 +126,8 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             let options = LiveOptions { listen, recording: outputs.recording, until_finished, align };
             conclude(&live::run(&session, &options, stop)?, report)
         }
-        Command::Replay { session: file, speed, outputs } => {
-            let session = Session::read(&file)?;
+        Command::Replay { session: file, data, speed, outputs } => {
+            let session = Session::read_with_data(&file, data.as_deref())?;
             let report = outputs.prepare(&inputs(&file, &session))?;
             let plan = Plan::from_session(&session)?;
             let options = ReplayOptions { recording: outputs.recording, speed, progress: true };

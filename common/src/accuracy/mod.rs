@@ -4,4 +4,5 @@ mod score;
 mod truth;
 
 pub use score::{Accuracy, Solution, score};
+pub(crate) use truth::TableRow;
 pub use truth::{Truth, TruthError, TruthPoint};

@@ -14,7 +14,7 @@ mod epochs;
 mod fields;
 mod fix;
 mod leap;
-mod lines;
+pub(crate) mod lines;
 mod measure;
 mod nav;
 mod nav_message;

@@ -4,9 +4,14 @@
 
 use std::path::PathBuf;
 
+/// A path below the folder of the reference data, whether it exists or not.
+pub fn path(below: &str) -> PathBuf {
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(below)
+}
+
 /// A file, or `None` (said aloud) when it is not there.
 pub fn file(path: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(path);
+    let path = self::path(path);
     if path.is_file() {
         return Some(path);
     }
