@@ -1,11 +1,13 @@
 //! Navigation message bits to ephemerides.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod beside;
 mod broadcast_words;
 mod navbits_encoder;
 
 use std::f64::consts::PI;
 
+use beside::required;
 use broadcast_words::{E01, PRN4};
 use cofix_common::gnss::SatelliteId;
 use cofix_common::navbits::{InavAssembler, LnavAssembler, ReceiverCheck};
@@ -194,14 +196,11 @@ fn pieces_of_different_issues_do_not_mix() {
 /// Two broadcast files, each record as the subframes that it was made of, and back to the printed digits. The file's
 /// numbers are whole multiples of the message's units.
 #[test]
+#[ignore = "needs the reference data"]
 fn broadcast_files_come_back_from_their_subframes() {
     let (mut total, mut single) = (0, 0);
     for name in ["hour1820.16n", "hour2350.16n"] {
-        let path = format!("{}/../../shared/data/google-static-2016/{name}", env!("CARGO_MANIFEST_DIR"));
-        let Ok(text) = std::fs::read_to_string(&path) else {
-            println!("skipped: {path} is not here");
-            return;
-        };
+        let text = String::from_utf8(required(&format!("data/google-static-2016/{name}"))).unwrap();
         for (number, v) in rinex2(&text) {
             let Some((fields, sent)) = fields(&v) else { continue };
             let name = format!("G{number:02}");
@@ -279,12 +278,9 @@ fn galileo_as_broadcast() {
 /// Galileo ephemerides of a broadcast file (reference vectors) as words and back. Their numbers are whole multiples of the
 /// message's units.
 #[test]
+#[ignore = "needs the reference data"]
 fn galileo_ephemerides_come_back_from_their_words() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/oracle/sat/kepler_vectors_brd4.csv");
-    let Ok(text) = std::fs::read_to_string(path) else {
-        println!("skipped: {path} is not here");
-        return;
-    };
+    let text = String::from_utf8(required("oracle/sat/kepler_vectors_brd4.csv")).unwrap();
     let mut lines = text.lines();
     let names: Vec<&str> = lines.next().unwrap().split(',').collect();
     let mut total = 0;

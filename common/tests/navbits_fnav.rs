@@ -6,7 +6,7 @@ mod beside;
 mod broadcast_words;
 mod navbits_encoder;
 
-use beside::shared;
+use beside::required;
 use broadcast_words::e01_fnav as e01;
 use cofix_common::gnss::{Constellation, SatelliteId};
 use cofix_common::navbits::{FnavAssembler, ReceiverCheck};
@@ -99,9 +99,10 @@ fn pages_are_checked() {
 
 /// Every F/NAV record of a broadcast file: positions up to four hours from toe. Angles have 12 digits in the file.
 #[test]
+#[ignore = "needs the reference data"]
 fn a_broadcast_file_comes_back_from_its_pages() {
     let path = "oracle/inputs/BRD400DLR_20230710000_as_rnx305_GRECJI.rnx.gz";
-    let Some(bytes) = shared(path) else { return };
+    let bytes = required(path);
     let file = NavigationFile::parse(&bytes).unwrap();
     let (mut count, mut unhealthy, mut worst_m, mut worst_s) = (0, 0, 0.0_f64, 0.0_f64);
     for expected in file.ephemerides.iter().filter(|e| e.message == NavigationMessage::GalileoFnav) {
