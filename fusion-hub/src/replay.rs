@@ -354,6 +354,43 @@ pub(crate) fn outcome(group: &mut Group, more_skips: &Skips) -> Outcome {
 mod tests {
     use super::*;
 
+    const TRUTH_WITHOUT_WEEK: &str =
+        "GPSTime Latitude Longitude H-Ell Vel-N Vel-E Vel-U Q\n397140.0 30 114 20 0 0 0 1\n";
+    const LOG: &str = "{\"obsd_t\":{\"d\":[{\"prn\":7,\"type\":\"L1C\",\"p\":2.2E7}],\"t\":{\"year\":2020,\"month\":8,\"day\":13,\
+                       \"hour\":14,\"minute\":19,\"sec\":0.0}}}\n";
+
+    #[test]
+    fn a_truth_without_a_week_takes_it_from_the_date_or_the_recording() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let truth = file("truth.txt", TRUTH_WITHOUT_WEEK);
+        let log = file("log.txt", LOG);
+        let week_of = |observations: Option<&PathBuf>, date: Option<GpsTime>| {
+            let phone = SessionPhone {
+                name: "a".to_owned(),
+                observations: observations.cloned(),
+                truth: Some(truth.clone()),
+                recorded_corrections: false,
+                date,
+            };
+            let truths = read_truths(&[phone]).map_err(|error| format!("{error:#}"))?;
+            Ok::<_, String>(truths[0].1.as_ref().unwrap().span().unwrap().0.week())
+        };
+        assert_eq!(week_of(Some(&log), None), Ok(2118));
+        assert_eq!(week_of(Some(&log), Some(GpsTime::from_week_tow(2119, 300_000.0))), Ok(2119));
+        let said = week_of(None, None).unwrap_err();
+        assert!(
+            said.contains("truth.txt: the table has seconds of week") && said.contains("date ="),
+            "{said}"
+        );
+        let said = week_of(Some(&file("empty.txt", "\n")), None).unwrap_err();
+        assert!(said.contains("empty.txt") && said.contains("date ="), "{said}");
+    }
+
     #[test]
     fn bad_rows_of_a_truth_are_counted_under_its_name() {
         let folder = tempfile::tempdir().unwrap();
