@@ -249,7 +249,8 @@ fn a_base_of_thirty_seconds() {
 #[test]
 #[ignore = "needs the reference data"]
 fn a_phone_and_a_base_at_some_distance() {
-    use cofix_common::gsdc::{DerivedEpoch, DerivedFile, ground_truth};
+    use cofix_common::gsdc::{DerivedFile, ground_truth};
+    use cofix_common::measurement::RecordedEpoch;
     let folder = "data/gsdc-2020-05-14-mtv1";
     let products = products(&format!("{folder}/hour1350.20n"));
     let base = observations(&format!("{folder}/slac1350.obs"));
@@ -258,7 +259,7 @@ fn a_phone_and_a_base_at_some_distance() {
         .unwrap()
         .epochs
         .iter()
-        .map(DerivedEpoch::to_observations)
+        .map(RecordedEpoch::to_observations)
         .collect();
     let (truth, _) = ground_truth(&truth).unwrap();
     let at = |time: GpsTime| truth.at(time, &[1]).map(|point| point.position);

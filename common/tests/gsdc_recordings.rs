@@ -10,9 +10,9 @@ use beside::pixel4_table as table;
 use cofix_common::accuracy::{Accuracy, Solution, score};
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::frames::Ecef;
-use cofix_common::gsdc::{DerivedFile, DerivedObservation, ground_truth};
+use cofix_common::gsdc::{DerivedFile, ground_truth};
 use cofix_common::integrity::{RaimOptions, solve_with_raim};
-use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};
+use cofix_common::measurement::{CorrectionOptions, Corrector, RecordedObservation, without_position};
 use cofix_common::orbit::Products;
 use cofix_common::rinex::NavigationFile;
 use cofix_common::solve::solve_position;
@@ -102,7 +102,7 @@ fn the_table_is_read_in_full() {
     assert_eq!(g05.observation.pseudorange_m, Some(23_052_313.867));
     let given = g05.given.unwrap();
     assert_eq!((given.clock_m, given.code_sigma_m), (-3_793.067, Some(4.197)));
-    assert_eq!((given.ionosphere_m, given.troposphere_m), (7.554, 5.704));
+    assert_eq!((given.ionosphere_m, given.troposphere_m), (Some(7.554), Some(5.704)));
     assert_eq!(first.to_observations().observations.len(), first.observations.len());
 }
 
@@ -112,7 +112,7 @@ type Difference = [f64; 5];
 
 /// `late_s`: by how much later than the transmission our own orbit is asked for.
 fn difference(
-    observation: &DerivedObservation,
+    observation: &RecordedObservation,
     received_gps: GpsTime,
     products: &Products,
     late_s: f64,

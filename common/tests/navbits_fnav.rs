@@ -67,6 +67,22 @@ fn the_same_again_is_not_given_again() {
     assert_eq!(given, 1);
 }
 
+/// As they are where the signal is tracked half a cycle off, the two bits that a page leaves over included or not.
+#[test]
+fn pages_may_be_turned_over() {
+    for last in [0xff, 0xfc] {
+        let turn = |page: Vec<u8>| -> Vec<u8> {
+            let mut turned: Vec<u8> = page.iter().map(|byte| !byte).collect();
+            turned[29] = page[29] ^ last;
+            turned
+        };
+        let turned: Vec<_> = e01().into_iter().map(turn).collect();
+        let read = |pages| read(satellite("E01"), pages, then()).unwrap().unwrap();
+        // BGD E1-E5b is no number.
+        assert_eq!(format!("{:?}", read(&turned)), format!("{:?}", read(&e01())));
+    }
+}
+
 #[test]
 fn pages_are_checked() {
     let good = e01().remove(0);

@@ -76,6 +76,26 @@ fn all_forms_of_strings_are_read() {
     }
 }
 
+/// Turned over as a whole, or but for the bits that are left over behind it.
+#[test]
+fn strings_may_be_turned_over() {
+    let expected = read(LABEL, &r01(), then());
+    let turn = |string: &Vec<u8>| string.iter().map(|byte| !byte).collect::<Vec<u8>>();
+    let turned: Vec<_> = r01().iter().map(turn).collect();
+    let low: Vec<_> = r01().iter().map(|string| turn(&at_the_low_end(string))).collect();
+    let but_spare: Vec<_> = turned
+        .iter()
+        .map(|string| {
+            let mut clear = string.clone();
+            clear[10] &= 0xf8;
+            clear
+        })
+        .collect();
+    for strings in [but_spare, turned, low] {
+        assert_eq!(read(LABEL, &strings, then()), expected);
+    }
+}
+
 /// Two wrong bits, too: the code tells up to three.
 #[test]
 fn one_or_two_wrong_bits_are_refused() {
