@@ -101,6 +101,16 @@ fn a_slip_without_a_phase_is_told_by_the_next_phase() {
 }
 
 #[test]
+fn whole_numbers_may_be_written_as_floating_point() {
+    let text = line(0.0, &[&GPS.replace("\"prn\":10", "\"prn\":10.0").replace("\"lli\":0", "\"lli\":1.0")]);
+    let text = text.replace("\"year\":2020", "\"year\":2020.0").replace("\"hour\":14", "\"hour\":1.4E1");
+    let (epochs, skips) = decode(&text);
+    assert!(skips.is_empty(), "{skips}");
+    assert_eq!(epochs[0].0.time_gps, start());
+    assert!(epochs[0].0.observations[0].loss_of_lock.cycle_slip);
+}
+
+#[test]
 fn a_bad_signal_costs_itself() {
     for (bad, reason) in [
         ("7", "satellite index of no satellite"),

@@ -1,12 +1,13 @@
 //! Spare logs as a stream.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 
 pub use super::epoch::StatedSigmas;
 use super::epoch::{self, Epoch};
 use crate::decode::{Decoder, Record, WrongStream};
-use crate::gnss::{EpochFlag, ObservationEpoch, SatelliteId, SignalCode};
+use crate::gnss::{EpochFlag, ObservationEpoch};
 use crate::gnsslogger::lines::{Framed, Lines, MAX_LINE};
+use crate::lost_locks::LostLocks;
 use crate::rinex::shorten;
 use crate::skips::Skips;
 use crate::time::GpsTime;
@@ -45,8 +46,7 @@ struct Log {
     order: TimeOrder,
     /// Of the epochs that were not given out yet, one for each observation.
     stated: BTreeMap<GpsTime, Vec<StatedSigmas>>,
-    /// Signals that lost lock at an epoch without a phase: the next phase tells it.
-    lost: BTreeSet<(SatelliteId, SignalCode)>,
+    locks: LostLocks,
     skips: Skips,
 }
 
@@ -86,13 +86,14 @@ impl Log {
             return self.skips.add(reason, || format!("line {number}: {time_gps} after {before}"));
         }
         for (observation, _) in &mut epoch.signals {
-            if observation.carrier_phase_cycles.is_some()
-                && self.lost.remove(&(observation.satellite, observation.signal))
-            {
-                observation.loss_of_lock.cycle_slip = true;
-            }
+            let signal = (observation.satellite, observation.signal);
+            let (slip, has_phase) =
+                (&mut observation.loss_of_lock.cycle_slip, observation.carrier_phase_cycles.is_some());
+            *slip = self.locks.observe(signal, *slip, has_phase);
         }
-        self.lost.extend(epoch.lost);
+        for signal in epoch.lost {
+            self.locks.observe(signal, true, false);
+        }
         if epoch.signals.is_empty() {
             return self
                 .skips

@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use super::names;
 use crate::gnss::{LossOfLock, Observation, SatelliteId, SignalCode};
+use crate::lost_locks::SignalKey;
 use crate::skips::Skips;
 use crate::time::{Calendar, GpsTime};
 
@@ -36,7 +37,7 @@ pub(super) struct Epoch {
     pub(super) time_gps: GpsTime,
     pub(super) signals: Vec<(Observation, StatedSigmas)>,
     /// Signals whose phase was lost without a phase at this epoch.
-    pub(super) lost: Vec<(SatelliteId, SignalCode)>,
+    pub(super) lost: Vec<SignalKey>,
 }
 
 #[derive(Deserialize)]
@@ -52,12 +53,31 @@ struct Observed {
 
 #[derive(Deserialize)]
 struct Time {
-    year: i32,
-    month: u32,
-    day: u32,
-    hour: u32,
-    minute: u32,
+    year: f64,
+    month: f64,
+    day: f64,
+    hour: f64,
+    minute: f64,
     sec: f64,
+}
+
+impl Time {
+    fn gps(&self) -> Option<GpsTime> {
+        GpsTime::from_calendar(Calendar {
+            year: i32::from(whole::<u16>(self.year)?),
+            month: whole(self.month)?,
+            day: whole(self.day)?,
+            hour: whole(self.hour)?,
+            minute: whole(self.minute)?,
+            second: self.sec,
+        })
+    }
+}
+
+/// A number that is whole; tools that pass through floating point write `10.0`.
+fn whole<T: TryFrom<u64>>(value: f64) -> Option<T> {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // whole and in range
+    (value.fract() == 0.0 && (0.0..=9_999.0).contains(&value)).then(|| T::try_from(value as u64).ok())?
 }
 
 /// Why a line or an entry gives nothing.
@@ -77,10 +97,10 @@ pub(super) fn read(number: u64, line: &[u8], skips: &mut Skips) -> Option<Epoch>
             return None;
         }
     };
-    let Time { year, month, day, hour, minute, sec: second } = observed.t;
-    let Some(time_gps) = GpsTime::from_calendar(Calendar { year, month, day, hour, minute, second }) else {
+    let Some(time_gps) = observed.t.gps() else {
+        let Time { year, month, day, hour, minute, sec } = observed.t;
         skips.add("time of an epoch is none", || {
-            format!("line {number}: {year}-{month}-{day} {hour}:{minute}:{second}")
+            format!("line {number}: {year}-{month}-{day} {hour}:{minute}:{sec}")
         });
         return None;
     };
@@ -147,13 +167,9 @@ impl Entry<'_> {
 
     fn names(&mut self) -> Result<(SatelliteId, SignalCode), Fault> {
         let index = self.fields.get("prn");
-        let satellite = index
-            .and_then(Value::as_u64)
-            .and_then(|index| u8::try_from(index).ok())
-            .and_then(names::satellite)
-            .ok_or_else(|| Fault {
-                reason: "satellite index of no satellite",
-                detail: shown("prn", index),
+        let satellite =
+            index.and_then(Value::as_f64).and_then(whole).and_then(names::satellite).ok_or_else(|| {
+                Fault { reason: "satellite index of no satellite", detail: shown("prn", index) }
             })?;
         let code = self.fields.get("type");
         let signal =
@@ -185,7 +201,7 @@ impl Entry<'_> {
     /// The bits of the loss-of-lock indicator, none when it is missing. One that is not 0 to 7 counts as a lost lock.
     fn loss_of_lock(&mut self) -> LossOfLock {
         let found = self.fields.get("lli").filter(|value| !value.is_null());
-        match found.map(|value| value.as_u64().filter(|bits| *bits <= 7)) {
+        match found.map(|value| value.as_f64().and_then(whole::<u8>).filter(|bits| *bits <= 7)) {
             None => LossOfLock::default(),
             Some(Some(bits)) => {
                 LossOfLock { cycle_slip: bits & 1 != 0, half_cycle: bits & 2 != 0, noisier: bits & 4 != 0 }
