@@ -81,7 +81,7 @@ pub(crate) struct TableRow {
 }
 
 impl TableRow {
-    fn to_truth(&self) -> Option<TruthRow> {
+    fn to_truth(self) -> Option<TruthRow> {
         let plausible = (0..10_000).contains(&self.gps_week)
             && (0.0..=604_800.0).contains(&self.gps_tow_s)
             && self.latitude_deg.abs() <= 90.0
@@ -137,7 +137,7 @@ impl Truth {
         let mut seen = 0;
         for row in table {
             seen += 1;
-            match row.map(|row| row.to_truth()) {
+            match row.map(TableRow::to_truth) {
                 Ok(Some(row)) => rows.push(row),
                 Ok(None) => skips.add("truth row out of range", || format!("row {seen}")),
                 Err(error) => skips.add("truth row unreadable", || format!("row {seen}: {error}")),

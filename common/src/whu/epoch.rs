@@ -186,7 +186,7 @@ impl Entry<'_> {
     fn value(&mut self, key: &str, beyond: &'static str, is_possible: impl Fn(f64) -> bool) -> Option<f64> {
         let found = self.fields.get(key);
         let (reason, is_none) = match found.and_then(Value::as_f64) {
-            Some(value) if value == 0.0 => return None,
+            Some(0.0) => return None,
             Some(value) if is_possible(value) => return Some(value),
             Some(_) => (beyond, false),
             None => ("value missing or not a number", found.is_some_and(Value::is_null)),
