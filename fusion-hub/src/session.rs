@@ -55,6 +55,7 @@
 //!
 //! Paths are relative to the file, or to a folder that is named when it is read. Unknown keys are errors.
 
+mod advice;
 mod rules;
 mod text;
 
@@ -212,7 +213,7 @@ impl Session {
     fn parse_with_data(text: &str, path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
         let file: text::SessionFile = toml::from_str(text).map_err(|error| SessionError::Text {
             path: path.to_owned(),
-            message: error.to_string().trim_end().to_owned(),
+            message: with_advice(&error, text),
         })?;
         let folder = data.or(path.parent()).unwrap_or(Path::new(""));
         check(file, folder).map_err(|reason| SessionError::Invalid { path: path.to_owned(), reason })
@@ -221,6 +222,15 @@ impl Session {
     /// The phones' names in order.
     pub fn phone_names(&self) -> Vec<String> {
         self.phones.iter().map(|phone| phone.name.clone()).collect()
+    }
+}
+
+/// What the parser says, with what to write instead.
+fn with_advice(error: &toml::de::Error, text: &str) -> String {
+    let message = error.to_string().trim_end().to_owned();
+    match advice::advice(error, text) {
+        Some(advice) => format!("{message}\n{advice}"),
+        None => message,
     }
 }
 

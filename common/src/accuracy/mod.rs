@@ -1,8 +1,10 @@
 //! Truth, errors against it, percentiles: what a position is worth.
 
 mod score;
+mod shift;
 mod truth;
 
-pub use score::{Accuracy, Solution, score};
+pub use score::{Accuracy, Solution, Spans, score};
+pub use shift::{TimeShift, time_shift};
 pub(crate) use truth::TableRow;
 pub use truth::{Truth, TruthError, TruthPoint};
