@@ -12,11 +12,12 @@ use cofix_agent::{AgentConfig, CorrectionSource, Corrections, ProductFiles, Prod
 use cofix_common::frames::Ecef;
 use cofix_common::measurement::{CorrectionOptions, DifferentialOptions, Ionosphere};
 use cofix_common::time::GpsTime;
+use cofix_console::Verbosity;
 
 /// Runs beside one phone: reads its observations and publishes corrected measurements, local state and integrity verdict
 /// over Zenoh, one message per epoch.
 #[derive(Debug, Parser)]
-#[command(version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(version = cofix_console::VERSION, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
@@ -29,6 +30,8 @@ pub(crate) struct Arguments {
     pub(crate) masks: Masks,
     #[command(flatten)]
     pub(crate) log: LogOptions,
+    #[command(flatten)]
+    pub(crate) verbosity: Verbosity,
 }
 
 /// What else the agent can do with recordings.
@@ -92,11 +95,14 @@ pub(crate) struct Convert {
     #[command(flatten)]
     pub(crate) read: Files,
     /// Observation file to write
-    #[arg(long, value_name = "OUT", required_unless_present = "navigation")]
-    pub(crate) observations: Option<PathBuf>,
-    /// Navigation file to write, of the messages that the recordings carry
-    #[arg(long, value_name = "OUT")]
-    pub(crate) navigation: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", required_unless_present = "output_navigation")]
+    pub(crate) output_observations: Option<PathBuf>,
+    /// Navigation file to write, of the messages that the recordings and navigation files carry
+    #[arg(long, value_name = "FILE")]
+    pub(crate) output_navigation: Option<PathBuf>,
+    /// Replace files that are there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
     /// Signals of GnssLogger text weaker than this are left out [dB-Hz; default 15]
     #[arg(long, value_name = "DBHZ")]
     pub(crate) cn0_mask: Option<f64>,

@@ -5,6 +5,8 @@ use std::fmt;
 use cofix_common::whu::is_spare_log_line;
 use serde::Serialize;
 
+use crate::kinds;
+
 /// A format that observations are read from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -94,15 +96,6 @@ fn is_log_line(line: &[u8]) -> bool {
         || comment.is_some_and(|text| text.starts_with(b"Header Description"))
 }
 
-/// Beginnings of what users are likely to have instead.
-const OTHERS: [(&[u8], &str); 5] = [
-    (b"$G", "this looks like NMEA text, which has positions and no observations"),
-    (b"$@", "this looks like Septentrio SBF; convert it to RINEX"),
-    (b"\xb5\x62", "this looks like u-blox UBX; convert it to RINEX"),
-    (b"#c", "this looks like SP3 orbits; they go to --sp3"),
-    (b"#d", "this looks like SP3 orbits; they go to --sp3"),
-];
-
 /// Beginnings of what is packed. Of recorded files the last two are unpacked before they come here.
 const PACKED: [(&[u8], &str); 5] = [
     (b"PK\x03\x04", "this is a zip archive; unpack it"),
@@ -126,8 +119,9 @@ pub fn unknown(start: &[u8]) -> String {
     }
     let shown = start.get(..start.len().min(24)).unwrap_or_default();
     let text: String = shown.iter().map(|byte| std::ascii::escape_default(*byte).to_string()).collect();
-    let hint = OTHERS.iter().chain(&PACKED).find(|(bytes, _)| start.starts_with(bytes));
-    let hint = hint.map_or(String::new(), |(_, hint)| format!("; {hint}"));
+    let packed = PACKED.iter().find(|(bytes, _)| start.starts_with(bytes)).map(|(_, hint)| *hint);
+    let hint = packed.or_else(|| kinds::hint(start, kinds::OBSERVATIONS));
+    let hint = hint.map_or(String::new(), |hint| format!("; {hint}"));
     format!("unknown format, it begins with '{text}'{hint}; read are {READ_FORMATS}")
 }
 

@@ -18,6 +18,7 @@ pub mod format;
 mod history;
 pub mod input;
 pub mod inspect;
+pub mod kinds;
 pub mod link;
 pub mod masks;
 mod pace;

@@ -13,7 +13,7 @@ const SLICE: Duration = Duration::from_secs(1);
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// An endpoint that is none.
-    #[error("endpoint {endpoints}: {reason}; write for example tcp/127.0.0.1:7447")]
+    #[error("endpoint '{endpoints}': {reason}; write for example tcp/127.0.0.1:7447")]
     Endpoint {
         /// What was given.
         endpoints: String,
@@ -21,14 +21,12 @@ pub enum LinkError {
         reason: String,
     },
     /// Nobody answers.
-    #[error("no hub answers at {endpoints} within {waited_s:.0} s: is it running? ({reason})")]
+    #[error("no hub answers at {endpoints} within {waited_s:.0} s: is it running?")]
     Unreachable {
         /// The endpoints.
         endpoints: String,
         /// How long was waited, s.
         waited_s: f64,
-        /// What Zenoh says.
-        reason: String,
     },
     /// The endpoint cannot be listened on.
     #[error("cannot listen on {endpoints}: {reason}")]
@@ -47,7 +45,7 @@ pub enum LinkError {
 pub fn connect(endpoints: &[String], patience: Duration) -> Result<Session, LinkError> {
     match connect_unless_stopped(endpoints, patience, &Stop::default()) {
         Ok(Some(session)) => Ok(session),
-        Ok(None) => Err(unreachable(endpoints, Duration::ZERO, "asked to stop".to_owned())),
+        Ok(None) => Err(unreachable(endpoints, Duration::ZERO)),
         Err(error) => Err(error),
     }
 }
@@ -61,6 +59,7 @@ pub fn connect_unless_stopped(
     patience: Duration,
     stop: &Stop,
 ) -> Result<Option<Session>, LinkError> {
+    check(endpoints, 1)?;
     let start = Instant::now();
     loop {
         if stop.is_requested() {
@@ -68,12 +67,12 @@ pub fn connect_unless_stopped(
         }
         let slice = patience.saturating_sub(start.elapsed()).min(SLICE);
         let begun = Instant::now();
-        let reason = match attempt(endpoints, slice)? {
+        match attempt(endpoints, slice)? {
             Ok(session) => return Ok(Some(session)),
-            Err(error) => plain(&error),
-        };
+            Err(error) => tracing::debug!("{}", plain(&error)),
+        }
         if start.elapsed() >= patience {
-            return Err(unreachable(endpoints, patience, reason));
+            return Err(unreachable(endpoints, patience));
         }
         // An attempt may fail at once.
         if stop.sleep(slice.saturating_sub(begun.elapsed())) {
@@ -89,8 +88,34 @@ fn attempt(endpoints: &[String], patience: Duration) -> Result<zenoh::Result<Ses
     Ok(zenoh::open(config).wait())
 }
 
-fn unreachable(endpoints: &[String], waited: Duration, reason: String) -> LinkError {
-    LinkError::Unreachable { endpoints: endpoints.join(", "), waited_s: waited.as_secs_f64(), reason }
+fn unreachable(endpoints: &[String], waited: Duration) -> LinkError {
+    LinkError::Unreachable { endpoints: endpoints.join(", "), waited_s: waited.as_secs_f64() }
+}
+
+/// Whether all endpoints are of the transport that is built in, with a host and a port from `first_port` on.
+fn check(endpoints: &[String], first_port: u16) -> Result<(), LinkError> {
+    for endpoint in endpoints {
+        if let Err(reason) = check_one(endpoint, first_port) {
+            return Err(LinkError::Endpoint { endpoints: endpoint.clone(), reason: reason.to_owned() });
+        }
+    }
+    Ok(())
+}
+
+fn check_one(endpoint: &str, first_port: u16) -> Result<(), &'static str> {
+    let address = endpoint
+        .strip_prefix("tcp/")
+        .ok_or("it does not begin with tcp/, the only transport that is built in")?;
+    // Zenoh's own options may follow.
+    let address = address.split(['?', '#']).next().unwrap_or_default();
+    let (host, port) = address.rsplit_once(':').ok_or("there is no port")?;
+    if host.is_empty() || (host.contains(':') && !(host.starts_with('[') && host.ends_with(']'))) {
+        return Err("there is no host before the port (IPv6 addresses are written in brackets)");
+    }
+    match port.parse::<u16>() {
+        Ok(port) if port >= first_port => Ok(()),
+        _ => Err("its port is not a number up to 65535"),
+    }
 }
 
 /// What Zenoh says, without the places in its source.
@@ -110,15 +135,27 @@ pub fn plain(error: &impl std::fmt::Display) -> String {
     plain.trim_end_matches(['.', ' ']).to_owned()
 }
 
+/// Of what Zenoh says the system's own words, where there are any.
+fn system_cause(text: &str) -> String {
+    let cause = text.find("(os error").and_then(|at| {
+        let end = at + text.get(at..)?.find(')')? + 1;
+        let start = text.get(..at)?.rfind([':', '['])? + 1;
+        text.get(start..end)
+    });
+    cause.unwrap_or(text).trim().to_owned()
+}
+
 /// Opens a session that listens on `endpoints` and routes between those who connect. Blocks.
 ///
 /// # Errors
 /// When an endpoint is malformed or taken.
 pub fn listen(endpoints: &[String]) -> Result<Session, LinkError> {
+    check(endpoints, 0)?;
     let config = config("router", "listen/endpoints", endpoints)?;
-    zenoh::open(config)
-        .wait()
-        .map_err(|error| LinkError::Listen { endpoints: endpoints.join(", "), reason: plain(&error) })
+    zenoh::open(config).wait().map_err(|error| LinkError::Listen {
+        endpoints: endpoints.join(", "),
+        reason: system_cause(&plain(&error)),
+    })
 }
 
 fn config(mode: &str, key: &str, endpoints: &[String]) -> Result<Config, LinkError> {
@@ -151,6 +188,41 @@ mod tests {
         let text = "Unable to connect to tcp/127.0.0.1:9 at /home/x/zenoh-1.10/src/net/mod.rs:123. - Caused by refused at once at b/c.rs:4.";
         assert_eq!(plain(&text), "Unable to connect to tcp/127.0.0.1:9 - Caused by refused at once");
         assert_eq!(plain(&"no place at all."), "no place at all");
+    }
+
+    #[test]
+    fn of_a_long_message_the_systems_words_are_told() {
+        let text = "Can not create a new TCP listener bound to tcp/1.2.3.4:5: [1.2.3.4:5: Cannot assign requested address (os error 99)";
+        assert_eq!(system_cause(text), "Cannot assign requested address (os error 99)");
+        assert_eq!(system_cause("invalid port value"), "invalid port value");
+    }
+
+    #[test]
+    fn endpoints_that_are_none_are_refused_with_a_reason() {
+        for (endpoint, said) in [
+            ("", "does not begin with tcp/"),
+            ("nonsense", "does not begin with tcp/"),
+            ("127.0.0.1:7447", "does not begin with tcp/"),
+            ("tls/127.0.0.1:7447", "does not begin with tcp/"),
+            ("tcp/", "no port"),
+            ("tcp/127.0.0.1", "no port"),
+            ("tcp/:7447", "no host"),
+            ("tcp/::1:7447", "no host"),
+            ("tcp/host:x", "not a number"),
+            ("tcp/host:65536", "not a number"),
+            ("tcp/host:", "not a number"),
+        ] {
+            let error = check(&[endpoint.to_owned()], 0).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("endpoint '{endpoint}': ")), "{error}");
+            assert!(
+                error.contains(said) && error.ends_with("write for example tcp/127.0.0.1:7447"),
+                "{error}"
+            );
+        }
+        for endpoint in ["tcp/127.0.0.1:0", "tcp/[::1]:7447", "tcp/hub.example:7447#iface=eth0"] {
+            check(&[endpoint.to_owned()], 0).unwrap();
+        }
+        assert!(check(&["tcp/127.0.0.1:0".to_owned()], 1).is_err(), "nothing answers on port 0");
     }
 
     #[test]

@@ -2,7 +2,6 @@
 
 mod arguments;
 
-use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
 use arguments::{Arguments, Command, Convert, Files, Inspect};
@@ -15,27 +14,17 @@ use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::source::Reading;
 use cofix_agent::{AgentConfig, ProductSource, Stop};
 use cofix_common::measurement::{CorrectionOptions, DifferentialCounts};
+use cofix_console::{LevelFilter, Lines, conclude, print, say_error, start_log};
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error,cofix_agent=info"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .init();
-    match work(arguments) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            tracing::error!("{error:#}");
-            ExitCode::FAILURE
-        }
-    }
+    let lines = if arguments.command.is_some() { Lines::Plain } else { Lines::Timed };
+    start_log(arguments.verbosity, LevelFilter::INFO, lines);
+    conclude(work(arguments))
 }
 
 fn work(arguments: Arguments) -> anyhow::Result<()> {
-    let Arguments { command, publish, products, masks, log } = arguments;
+    let Arguments { command, publish, products, masks, log, verbosity: _ } = arguments;
     match (command, publish) {
         (Some(Command::Inspect(arguments)), _) => inspect(&arguments),
         (Some(Command::Convert(arguments)), _) => convert(arguments),
@@ -58,14 +47,11 @@ fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
         correction: arguments.masks.apply(CorrectionOptions::default())?,
     };
     let mut inspections = Vec::new();
-    let mut failed = 0;
+    let mut errors = Vec::new();
     for path in &arguments.read.files {
         match cofix_agent::inspect::inspect_any(path, &options, &Stop::default()) {
             Ok(inspection) => inspections.push(inspection),
-            Err(error) => {
-                failed += 1;
-                tracing::error!("{error}");
-            }
+            Err(error) => errors.push(error),
         }
     }
     let text = if arguments.json {
@@ -74,24 +60,37 @@ fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
         inspections.iter().map(ToString::to_string).collect()
     };
     print(&text)?;
-    anyhow::ensure!(failed == 0, "{failed} of {} files cannot be used", arguments.read.files.len());
+    errors.extend(inspections.iter().filter_map(|inspection| inspection.check().err()));
+    if let ([error], [_]) = (&errors[..], &arguments.read.files[..]) {
+        anyhow::bail!("{error}");
+    }
+    for error in &errors {
+        say_error(error);
+    }
+    anyhow::ensure!(
+        errors.is_empty(),
+        "{} of {} files cannot be used",
+        errors.len(),
+        arguments.read.files.len()
+    );
     Ok(())
 }
 
-fn print(text: &str) -> anyhow::Result<()> {
-    match std::io::stdout().write_all(text.as_bytes()) {
-        // Whoever reads may have had enough.
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
-}
-
 fn convert(arguments: Convert) -> anyhow::Result<()> {
-    let Convert { read: Files { files, date }, observations, navigation, cn0_mask, log } = arguments;
-    let outputs = Outputs { observations, navigation };
+    let Convert {
+        read: Files { files, date },
+        output_observations,
+        output_navigation,
+        overwrite,
+        cn0_mask,
+        log,
+    } = arguments;
+    let outputs = Outputs { observations: output_observations, navigation: output_navigation, overwrite };
     let log = log.with(&Masks { cn0_dbhz: cn0_mask, ..Masks::default() })?;
     let reading = Reading { near: date, log };
-    let converted = cofix_agent::convert::convert(&files, &outputs, &reading, &Stop::default())?;
+    let converted = run_until_asked_to_end(move |stop| {
+        Ok(cofix_agent::convert::convert(&files, &outputs, &reading, stop)?)
+    })?;
     for (reason, skip) in converted.skips.iter() {
         tracing::warn!("skipped {} × {reason}, first: {}", skip.count, skip.first);
     }

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use clap::{Args, ValueEnum};
 use cofix_common::gnsslogger::{self, BiasReference};
-use cofix_common::measurement::CorrectionOptions;
+use cofix_common::measurement::{CorrectionOptions, Exclusion};
 use serde::{Deserialize, Serialize};
 
 /// Four times 1,024 weeks: a recording is not shifted by more.
@@ -21,6 +21,10 @@ pub struct Masks {
     /// Signals weaker than this are not used [dB-Hz; default 15]
     #[arg(long = "cn0-mask", value_name = "DBHZ")]
     pub cn0_dbhz: Option<f64>,
+    /// Not used are: a constellation (E), a satellite (G05), a signal or a band of either (C:1C, E12:5X, G:5) or of all
+    /// constellations (5X, 5); may be repeated, or be a list with commas
+    #[arg(long, value_name = "WHAT", value_delimiter = ',')]
+    pub exclude: Vec<Exclusion>,
 }
 
 /// How GnssLogger text, and challenge tables that keep its columns, are read, and what of them is not used.
@@ -79,13 +83,12 @@ impl Masks {
     ///
     /// # Errors
     /// A mask that makes no sense.
-    pub fn apply(&self, options: CorrectionOptions) -> Result<CorrectionOptions, MaskError> {
+    pub fn apply(&self, mut options: CorrectionOptions) -> Result<CorrectionOptions, MaskError> {
         let elevation_deg = checked("the elevation [degrees]", self.elevation_deg, 0.0..=90.0)?;
-        Ok(CorrectionOptions {
-            elevation_mask_rad: elevation_deg.map_or(options.elevation_mask_rad, f64::to_radians),
-            minimum_cn0_dbhz: self.cn0_dbhz()?.unwrap_or(options.minimum_cn0_dbhz),
-            ..options
-        })
+        options.elevation_mask_rad = elevation_deg.map_or(options.elevation_mask_rad, f64::to_radians);
+        options.minimum_cn0_dbhz = self.cn0_dbhz()?.unwrap_or(options.minimum_cn0_dbhz);
+        options.exclude.extend(&self.exclude);
+        Ok(options)
     }
 
     fn cn0_dbhz(&self) -> Result<Option<f64>, MaskError> {
@@ -152,10 +155,12 @@ mod tests {
 
     #[test]
     fn what_is_given_is_used() {
-        let masks = Masks { elevation_deg: Some(10.0), cn0_dbhz: Some(20.0) };
+        let exclude = vec!["E".parse().unwrap(), "C:1C".parse().unwrap()];
+        let masks = Masks { elevation_deg: Some(10.0), cn0_dbhz: Some(20.0), exclude: exclude.clone() };
         let correction = masks.apply(CorrectionOptions::default()).unwrap();
         assert!((correction.elevation_mask_rad - 10_f64.to_radians()).abs() < 1e-15);
         assert!((correction.minimum_cn0_dbhz - 20.0).abs() < 1e-15);
+        assert_eq!(correction.exclude, exclude);
         let log = LogOptions {
             received_time_uncertainty_ns: Some(100.0),
             bias_uncertainty_ns: Some(40.0),

@@ -66,7 +66,7 @@ impl PhonePipeline {
         Self {
             phone: name.to_owned(),
             sequence: 0,
-            corrector: Corrector::new(products, options.correction),
+            corrector: Corrector::new(products, options.correction.clone()),
             filter: JointFilter::new(options.filter),
             options,
             position: None,
@@ -79,7 +79,7 @@ impl PhonePipeline {
     /// Corrects pseudoranges from now on by what base stations observe.
     pub fn use_bases(&mut self, options: DifferentialOptions) {
         let products = Arc::clone(self.corrector.products());
-        self.differential = Some(Differential::new(products, self.options.correction, options));
+        self.differential = Some(Differential::new(products, self.options.correction.clone(), options));
     }
 
     /// Takes an epoch of base number `base`, whose antenna is at `position`; of effect after [`PhonePipeline::use_bases`].
@@ -104,9 +104,7 @@ impl PhonePipeline {
         if let Some(differential) = &mut self.differential {
             differential.set_products(Arc::clone(&products));
         }
-        let corrector = Corrector::new(products, self.options.correction);
-        let former = std::mem::replace(&mut self.corrector, corrector);
-        self.skips.merge(former.skips());
+        self.corrector.set_products(products);
     }
 
     /// Processes one epoch; epochs come in order of time.
@@ -178,10 +176,15 @@ impl PhonePipeline {
         message
     }
 
-    /// What was skipped so far.
+    /// What was skipped so far. A mask that has named nothing in all epochs is told as well.
     pub fn skips(&self) -> Skips {
         let mut all = self.skips.clone();
         all.merge(self.corrector.skips());
+        for exclusion in self.corrector.idle_exclusions().filter(|_| self.sequence > 0) {
+            all.add(&format!("mask {exclusion} names nothing that occurs"), || {
+                format!("none of it in {} epochs", self.sequence)
+            });
+        }
         if let Some(differential) = &self.differential {
             all.merge(&differential.skips());
         }

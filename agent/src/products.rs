@@ -13,8 +13,8 @@ use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
-use crate::input::{Bytes, Portion, Recorded};
-use crate::source::SourceError;
+use crate::kinds;
+use crate::source::{SourceError, with_hint};
 use crate::stream::StreamDecoder;
 use crate::{ProductFiles, ProductSource, Stop};
 
@@ -84,18 +84,17 @@ fn load(files: &ProductFiles) -> Result<(Products, Skips), SourceError> {
     Ok((products, skips))
 }
 
+/// As errors name it.
+pub(crate) const NAVIGATION: &str = "RINEX navigation";
+
 /// Reads a RINEX navigation file.
 pub(crate) fn navigation_file(path: &Path) -> Result<NavigationFile, SourceError> {
-    parse(path, "RINEX navigation", NavigationFile::parse)
+    parse(path, NAVIGATION, NavigationFile::parse)
 }
 
 /// Whether the first line is that of a RINEX navigation file. A file that cannot be read is none: who reads it will say why.
 pub(crate) fn is_navigation_file(path: &Path, stop: &Stop) -> bool {
-    let Ok(mut file) = Recorded::open(path) else { return false };
-    let (mut start, mut portion) = (Vec::new(), Vec::new());
-    while start.len() < FIRST_LINE && matches!(file.next(&mut portion, stop), Ok(Portion::Bytes)) {
-        start.append(&mut portion);
-    }
+    let start = kinds::start_of(path, stop);
     let label = start.get(60..FIRST_LINE);
     let kind = start.get(20).copied().unwrap_or(b' ');
     label.is_some_and(|label| label == b"RINEX VERSION / TYPE") && b"NGHE".contains(&kind)
@@ -115,7 +114,10 @@ fn parse<T, E: Display>(
     kind: &'static str,
     parse_bytes: impl Fn(&[u8]) -> Result<T, E>,
 ) -> Result<T, SourceError> {
-    parse_bytes(&read(path, kind)?).map_err(|error| unusable(path, kind, error.to_string()))
+    parse_bytes(&read(path, kind)?).map_err(|error| {
+        let reason = with_hint(error.to_string(), kinds::hint_for(path, kind));
+        SourceError::Unusable { source_name: path.display().to_string(), kind, reason }
+    })
 }
 
 /// The beginning of the precise orbits, else the earliest broadcast message.
@@ -127,10 +129,6 @@ fn near(products: &Products) -> Option<GpsTime> {
 
 fn read(path: &Path, kind: &'static str) -> Result<Vec<u8>, SourceError> {
     std::fs::read(path).map_err(|cause| SourceError::Read { path: path.to_owned(), kind, cause })
-}
-
-fn unusable(path: &Path, kind: &'static str, reason: String) -> SourceError {
-    SourceError::Unusable { source_name: path.display().to_string(), kind, reason }
 }
 
 /// Navigation messages found in a stream of observations.
@@ -231,9 +229,12 @@ pub(crate) fn note_shortcomings(time_gps: GpsTime, is_first: bool, products: &Pr
             skips.add(reason, || format!("{time_gps}; they cover {first} to {last}"));
         }
     }
-    if is_first && let Some(weeks) = near(products).and_then(|near| time_gps.rollover_weeks_to(near)) {
-        skips.add("recording a multiple of 1,024 weeks from the orbits: its week is probably wrong", || {
-            format!("{time_gps}; shift_weeks = {weeks}, or --shift-weeks {weeks}")
+    if is_first
+        && let Some(near) = near(products)
+        && time_gps.rollover_weeks_to(near).is_some()
+    {
+        skips.add("recording a multiple of 1,024 weeks from the orbits", || {
+            format!("{time_gps}{}", time_gps.rollover_hint(near))
         });
     }
     if is_first

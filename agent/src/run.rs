@@ -102,6 +102,7 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
         // The survey of a recorded source has counted the same already.
         skips.merge(&records.skips());
     }
+    let outcome = outcome.and_then(|()| some_epoch(config, work.publication.published(), &skips, stop));
     let finished = finish(config, &work.publication, &outcome, &skips, stop);
     let report = AgentReport {
         epochs_published: work.publication.published(),
@@ -250,6 +251,17 @@ impl Work<'_> {
     fn add_navigation(&mut self, navigation: OwnNavigation) {
         Arc::make_mut(&mut self.products).add_navigation(navigation.file);
         self.pipeline.set_products(Arc::clone(&self.products));
+    }
+}
+
+/// A live source that ends by itself must have brought something. (Recorded ones were surveyed.)
+fn some_epoch(config: &AgentConfig, published: u64, skips: &Skips, stop: &Stop) -> Result<(), AgentError> {
+    match &config.source {
+        Source::Live { from, .. } if published == 0 && !stop.is_requested() => {
+            let cause = format!("it ended without one epoch{}", source::and_skipped(skips));
+            Err(SourceError::Live { name: from.to_string(), cause: std::io::Error::other(cause) }.into())
+        }
+        _ => Ok(()),
     }
 }
 

@@ -18,13 +18,14 @@ use cofix_common::time::GpsTime;
 
 use crate::format::Format;
 use crate::input::{LiveSource, Recorded};
+use crate::kinds;
 use crate::products::OwnNavigation;
 use crate::records::{Records, RecordsError};
 use crate::{Source, Stop};
 
 pub use crate::products::products;
 
-const KIND: &str = "observation";
+const KIND: &str = kinds::OBSERVATIONS;
 
 /// A source that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -166,9 +167,19 @@ fn source_error(name: &str, path: Option<&Path>, error: RecordsError) -> SourceE
             SourceError::Read { path: path.to_owned(), kind: KIND, cause }
         }
         (RecordsError::Read(cause), None) => SourceError::Live { name: name.to_owned(), cause },
-        (RecordsError::Wrong(wrong), _) => {
-            SourceError::Unusable { source_name: name.to_owned(), kind: KIND, reason: wrong.reason }
+        (RecordsError::Wrong(wrong), path) => {
+            let hint = path.and_then(|path| kinds::hint_for(path, KIND));
+            let reason = with_hint(wrong.reason, hint);
+            SourceError::Unusable { source_name: name.to_owned(), kind: KIND, reason }
         }
+    }
+}
+
+/// A reason with what the file looks like, unless it says so already.
+pub(crate) fn with_hint(reason: String, hint: Option<&str>) -> String {
+    match hint {
+        Some(hint) if !reason.contains(hint) => format!("{reason}; {hint}"),
+        _ => reason,
     }
 }
 
@@ -233,11 +244,18 @@ pub fn survey(source: &Source, reading: &Reading, stop: &Stop) -> Result<Survey,
     }
 }
 
-fn no_epoch(name: &str, skips: &Skips) -> SourceError {
-    let skips = if skips.is_empty() { String::new() } else { format!(": {skips}") };
-    SourceError::Unusable {
-        source_name: name.to_owned(),
-        kind: KIND,
-        reason: format!("it holds no epoch{skips}"),
-    }
+/// A source of observations that brought no epoch, and what was skipped of it.
+pub(crate) fn no_epoch(name: &str, skips: &Skips) -> SourceError {
+    nothing_in(name, KIND, "epoch", skips)
+}
+
+/// A file of a kind without one of what it is for, and what was skipped of it.
+pub(crate) fn nothing_in(name: &str, kind: &'static str, what: &str, skips: &Skips) -> SourceError {
+    let reason = format!("it holds no {what}{}", and_skipped(skips));
+    SourceError::Unusable { source_name: name.to_owned(), kind, reason }
+}
+
+/// The end of a sentence that says what was skipped.
+pub(crate) fn and_skipped(skips: &Skips) -> String {
+    if skips.is_empty() { String::new() } else { format!("; skipped: {skips}") }
 }

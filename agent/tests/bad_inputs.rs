@@ -72,7 +72,7 @@ impl Bench {
 
     fn converts(&self, what: &str, path: &Path, epochs: u64, reason: &str) {
         let output = self.folder.path().join("out.rnx");
-        let outputs = Outputs { observations: Some(output.clone()), navigation: None };
+        let outputs = Outputs { observations: Some(output.clone()), navigation: None, overwrite: true };
         let converted = convert(&[path.to_owned()], &outputs, &options().reading, &Stop::default()).unwrap();
         assert_eq!(converted.epochs, epochs, "{what}: {}", converted.skips);
         assert!(converted.skips.to_string().contains(reason), "{what}: {}", converted.skips);

@@ -8,10 +8,11 @@ use std::path::Path;
 
 use assert_cmd::Command;
 
-const OBSERVATIONS: &str = "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
+const HEADER: &str = "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
 G    4 C1C L1C D1C S1C                                      SYS / # / OBS TYPES
                                                             END OF HEADER
-> 2020 08 13 14 19  2.0000000  0  1
+";
+const EPOCH: &str = "> 2020 08 13 14 19  2.0000000  0  1
 G07  22100000.000 8 116000000.000 8     -1200.000 8        45.000 8
 ";
 const NAVIGATION: &str = "     3.04           N: GNSS NAV DATA    M: MIXED            RINEX VERSION / TYPE
@@ -53,21 +54,20 @@ fn agent(folder: &Path, observations: &str, products: &[&str]) -> assert_cmd::as
 fn failure(folder: &Path, observations: &str, products: &[&str]) -> String {
     let assert = agent(folder, observations, products).code(1);
     let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
-    assert_eq!(text.lines().filter(|line| line.contains("ERROR")).count(), 1, "{text}");
+    assert_eq!(text.lines().filter(|line| line.starts_with("error: ")).count(), 1, "{text}");
     assert!(!text.contains("panicked"), "{text}");
     text
 }
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("good.rnx"), OBSERVATIONS).unwrap();
+    std::fs::write(folder.path().join("good.rnx"), format!("{HEADER}{EPOCH}")).unwrap();
     std::fs::write(folder.path().join("nav.rnx"), NAVIGATION).unwrap();
     let header: String = NAVIGATION.split_inclusive('\n').take(2).collect();
     std::fs::write(folder.path().join("no.nav"), header).unwrap();
-    let cut: String = OBSERVATIONS.split_inclusive('\n').take(2).collect();
+    let cut: String = HEADER.split_inclusive('\n').take(2).collect();
     std::fs::write(folder.path().join("cut.rnx"), cut).unwrap();
-    let header: String = OBSERVATIONS.split_inclusive('\n').take(3).collect();
-    std::fs::write(folder.path().join("header.rnx"), header).unwrap();
+    std::fs::write(folder.path().join("header.rnx"), HEADER).unwrap();
     std::fs::write(folder.path().join("noise.bin"), [0x1f, 0x8b, 8, 0, 1, 2, 3]).unwrap();
     std::fs::write(folder.path().join("noise.txt"), "lorem ipsum").unwrap();
     std::fs::write(folder.path().join("table.csv"), TABLE).unwrap();
@@ -194,7 +194,8 @@ fn compress(bytes: &[u8]) -> Vec<u8> {
 #[test]
 fn packed_recordings_are_read_as_plain_ones() {
     let folder = folder();
-    std::fs::write(folder.path().join("good.rnx.Z"), compress(OBSERVATIONS.as_bytes())).unwrap();
+    std::fs::write(folder.path().join("good.rnx.Z"), compress(format!("{HEADER}{EPOCH}").as_bytes()))
+        .unwrap();
     let report = |name: &str| {
         let output = command(folder.path(), &["inspect", name]).success().get_output().stdout.clone();
         String::from_utf8(output).unwrap().replace(name, "")
@@ -205,22 +206,76 @@ fn packed_recordings_are_read_as_plain_ones() {
 #[test]
 fn recordings_are_converted() {
     let folder = folder();
-    command(folder.path(), &["convert", "good.rnx", "--observations", "out.rnx"]).success();
+    command(folder.path(), &["convert", "good.rnx", "--output-observations", "out.rnx"]).success();
     let text = std::fs::read_to_string(folder.path().join("out.rnx")).unwrap();
     assert!(text.starts_with("     3.05           OBSERVATION DATA"), "{text}");
     assert!(text.contains("G07  22100000.000 7 116000000.000 7     -1200.000          45.000\n"), "{text}");
+}
+
+/// What is refused or fails leaves every file as it was, and no new one.
+#[test]
+fn conversions_that_fail_destroy_nothing_and_leave_nothing_behind() {
+    let folder = folder();
+    let empty = format!("{HEADER}> 2020 08 13 14 19  2.00000x0  0  1\n");
+    std::fs::write(folder.path().join("empty.rnx"), empty).unwrap();
+    std::fs::write(folder.path().join("precious"), "precious").unwrap();
+    let before = contents(folder.path());
     for (arguments, code, said) in [
-        (vec!["convert", "good.rnx", "--observations", "good.rnx"], 1, "would be overwritten"),
-        (vec!["convert", "good.rnx", "--navigation", "out.nav"], 1, "has no navigation message"),
-        (vec!["convert", "nav.rnx", "--observations", "out.rnx"], 1, "has no epoch"),
-        (vec!["convert", "good.rnx"], 2, "--observations"),
-        (vec!["convert", "header.rnx", "--observations", "out.rnx"], 1, "has no epoch"),
+        (vec!["good.rnx", "--output-observations", "good.rnx"], 1, "would overwrite a file that is read"),
+        (vec!["good.rnx", "--output-observations", "./good.rnx", "--overwrite"], 1, "would overwrite a file"),
+        (vec!["good.rnx", "nav.rnx", "--output-navigation", "nav.rnx", "--overwrite"], 1, "would overwrite"),
+        (vec!["good.rnx", "--output-observations", "precious"], 1, "there is a file already"),
+        (vec!["nav.rnx", "--output-navigation", "precious"], 1, "--overwrite"),
+        (
+            vec!["good.rnx", "nav.rnx", "--output-observations", "a", "--output-navigation", "a"],
+            1,
+            "the navigation file would overwrite the observation file",
+        ),
+        (vec!["good.rnx", "--navigation", "precious"], 2, "--output-navigation"),
+        (vec!["good.rnx", "--observations", "precious"], 2, "--output-observations"),
+        (vec!["good.rnx"], 2, "--output-observations"),
+        (
+            vec!["good.rnx", "--output-observations", "no/out.rnx"],
+            1,
+            "cannot write the observation file: No such",
+        ),
+        (vec!["good.rnx", "--output-navigation", "out.nav"], 1, "have no navigation message"),
+        (
+            vec!["good.rnx", "--output-observations", "a", "--output-navigation", "b"],
+            1,
+            "have no navigation message",
+        ),
+        (vec!["nav.rnx", "--output-observations", "out.rnx"], 1, "have no epoch"),
+        (
+            vec!["header.rnx", "--output-observations", "out.rnx"],
+            1,
+            "header.rnx: not usable as observation file: it holds no epoch",
+        ),
+        (
+            vec!["good.rnx", "empty.rnx", "--output-observations", "precious", "--overwrite"],
+            1,
+            "it holds no epoch; skipped: 1 ×",
+        ),
+        (vec!["good.rnx", "noise.txt", "--output-observations", "precious", "--overwrite"], 1, "noise.txt"),
     ] {
-        let assert = command(folder.path(), &arguments).code(code);
+        let assert = command(folder.path(), &[&["convert"], &arguments[..]].concat()).code(code);
         let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
         assert!(text.contains(said), "expected '{said}' in: {text}");
+        assert_eq!(contents(folder.path()), before, "{arguments:?}");
     }
-    assert_eq!(std::fs::read_to_string(folder.path().join("good.rnx")).unwrap(), OBSERVATIONS);
+    command(folder.path(), &["convert", "good.rnx", "--output-observations", "precious", "--overwrite"])
+        .success();
+    assert!(contents(folder.path())["precious"].contains("OBSERVATION DATA"));
+}
+
+/// All files of a folder with what they hold.
+fn contents(folder: &Path) -> std::collections::BTreeMap<String, String> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let read = |path: std::path::PathBuf| {
+        let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
+        (path.file_name().unwrap().to_str().unwrap().to_owned(), text)
+    };
+    entries.map(read).collect()
 }
 
 /// A GLONASS file of RINEX 2 becomes one of RINEX 3.05, and observations beside it are converted as ever.
@@ -238,7 +293,7 @@ fn navigation_files_are_converted() {
     std::fs::write(folder.path().join("a.20g"), glonass).unwrap();
     command(
         folder.path(),
-        &["convert", "a.20g", "good.rnx", "--navigation", "out.nav", "--observations", "o.rnx"],
+        &["convert", "a.20g", "good.rnx", "--output-navigation", "out.nav", "--output-observations", "o.rnx"],
     )
     .success();
     let text = std::fs::read_to_string(folder.path().join("out.nav")).unwrap();
@@ -292,4 +347,117 @@ fn passwords_are_not_shown() {
     let assert = command(folder.path(), &[&publish[..], &base].concat()).code(2);
     let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
     assert!(text.contains("metres (ECEF)"), "{text}");
+}
+
+/// What a command says on the standard error.
+fn said(assert: &assert_cmd::assert::Assert) -> String {
+    String::from_utf8(assert.get_output().stderr.clone()).unwrap()
+}
+
+/// A file without one epoch, or a navigation file without one message, is shown, and fails with what was skipped.
+#[test]
+fn inspecting_nothing_fails() {
+    let folder = folder();
+    let bad_epoch = format!("{HEADER}> 2020 08 13 14 19  2.00000x0  0  1\n");
+    let log = "# Header Description:\n# Raw,a,b\nRaw,1\n";
+    let table = TABLE.split_inclusive('\n').next().unwrap();
+    for (name, text, what) in [
+        ("epochs.rnx", bad_epoch.as_str(), "it holds no epoch; skipped: "),
+        ("header.rnx", HEADER, "it holds no epoch"),
+        ("log.txt", log, "it holds no epoch; skipped: "),
+        ("only-names.csv", table, "it holds no epoch"),
+        ("no.nav", &NAVIGATION.split_inclusive('\n').take(2).collect::<String>(), "it holds no message"),
+    ] {
+        std::fs::write(folder.path().join(name), text).unwrap();
+        let assert = command(folder.path(), &["inspect", name]).code(1);
+        let text = said(&assert);
+        assert!(text.contains(&format!("error: {name}: not usable as ")) && text.contains(what), "{text}");
+        let shown = String::from_utf8(assert.get_output().stdout.clone()).unwrap();
+        assert!(shown.starts_with(name), "{shown}");
+    }
+    let assert = command(folder.path(), &["inspect", "header.rnx", "good.rnx"]).code(1);
+    assert!(said(&assert).contains("error: 1 of 2 files cannot be used"));
+}
+
+#[test]
+fn an_agent_without_an_epoch_fails() {
+    let folder = folder();
+    let text = failure(folder.path(), "header.rnx", &["--navigation", "nav.rnx"]);
+    assert!(text.contains("it holds no epoch"), "{text}");
+}
+
+#[test]
+fn files_in_the_wrong_place_are_told_where_they_go() {
+    let folder = folder();
+    let line = |version: &str, kind: &str, label: &str| format!("{version:<20}{kind:<40}{label}\n");
+    for (name, text) in [
+        ("a.sp3", "#aP2025  1  1  0  0  0.00000000\n".to_owned()),
+        ("a.bia", "%=BIA 1.00 COD 2020:001:00000\n".to_owned()),
+        ("a.clk", line("     3.00", "CLOCK DATA", "RINEX VERSION / TYPE")),
+        ("a.20i", line("     1.0", "IONOSPHERE MAPS     GNSS", "IONEX VERSION / TYPE")),
+        ("truth.csv", "gps_week,gps_tow_s,latitude_deg,longitude_deg\n".to_owned()),
+    ] {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let packed = std::fs::File::create(folder.path().join("a.clk.gz")).unwrap();
+    let mut packed = flate2::write::GzEncoder::new(packed, flate2::Compression::fast());
+    std::io::Write::write_all(&mut packed, line("3.00", "CLOCK DATA", "RINEX VERSION / TYPE").as_bytes())
+        .unwrap();
+    packed.finish().unwrap();
+    for (arguments, told) in [
+        (vec!["inspect", "a.sp3"], "--sp3"),
+        (vec!["inspect", "a.bia"], "--bias"),
+        (vec!["inspect", "a.clk"], "--clock"),
+        (vec!["inspect", "a.clk.gz"], "--clock"),
+        (vec!["inspect", "a.20i"], "--ionex"),
+        (vec!["inspect", "truth.csv"], "truth of [[phone]]"),
+        (vec!["inspect", "good.rnx", "--sp3", "nav.rnx"], "--navigation"),
+        (vec!["inspect", "good.rnx", "--sp3", "a.20i"], "--ionex"),
+        (vec!["inspect", "good.rnx", "--clock", "a.bia"], "--bias"),
+        (vec!["inspect", "good.rnx", "--bias", "a.clk.gz"], "--clock"),
+        (vec!["inspect", "good.rnx", "--ionex", "good.rnx"], "--observations"),
+        (vec!["inspect", "good.rnx", "--navigation", "a.sp3"], "--sp3"),
+        (vec!["inspect", "good.rnx", "--navigation", "table.csv"], "--observations"),
+        (vec!["convert", "a.clk", "--output-observations", "new"], "--clock"),
+        (vec!["--group", "g", "--phone", "p", "--observations", "nav.rnx"], "--navigation"),
+    ] {
+        let assert = command(folder.path(), &arguments).code(1);
+        let text = said(&assert);
+        assert!(text.contains("this looks like") && text.contains(told), "expected '{told}' in: {text}");
+    }
+}
+
+#[test]
+fn masks_by_name_are_counted_and_one_that_names_nothing_is_said() {
+    let folder = folder();
+    let assert =
+        command(folder.path(), &["inspect", "good.rnx", "--exclude", "G07,E", "--exclude", "5X"]).success();
+    let table = String::from_utf8(assert.get_output().stdout.clone()).unwrap();
+    for line in [
+        "exclude G07: 1 observations\n",
+        "exclude E: 0 observations, it names nothing that occurs",
+        "exclude 5X: 0 observations, it names nothing that occurs",
+    ] {
+        assert!(table.contains(line), "expected '{line}' in: {table}");
+    }
+    let assert = command(folder.path(), &["inspect", "good.rnx", "--exclude", "Galileo"]).code(2);
+    assert!(said(&assert).contains("'Galileo' names nothing to exclude"), "{}", said(&assert));
+}
+
+#[test]
+fn version_and_verbosity() {
+    let folder = folder();
+    let version = command(folder.path(), &["--version"]).success().get_output().stdout.clone();
+    let version = String::from_utf8(version).unwrap();
+    assert_eq!(version, format!("cofix-agent {}\n", cofix_console::VERSION));
+    let convert = |more: &[&str]| {
+        let arguments =
+            [&["convert", "good.rnx", "--output-observations", "new", "--overwrite"], more].concat();
+        said(&command(folder.path(), &arguments).success())
+    };
+    assert_eq!(convert(&[]), "wrote 1 epochs, 0 events and 0 ephemerides\n");
+    assert_eq!(convert(&["-q"]), "");
+    assert_eq!(convert(&["-v"]), convert(&[]));
+    let quiet = command(folder.path(), &["inspect", "missing", "-qqq"]).code(1);
+    assert!(said(&quiet).starts_with("error: missing: cannot read the observation file"), "{}", said(&quiet));
 }

@@ -91,7 +91,7 @@ fn conversion_writes_events_in_their_places() {
     let files = [("a.rnx", 0..9), ("b.rnx", 3..30)]
         .map(|(name, seconds)| written(folder.path(), name, &recording(seconds)));
     let output = folder.path().join("out.rnx");
-    let outputs = Outputs { observations: Some(output.clone()), navigation: None };
+    let outputs = Outputs { observations: Some(output.clone()), ..Outputs::default() };
     let converted = convert(&files, &outputs, &Reading::default(), &Stop::default()).unwrap();
     let again = ObservationFile::parse(&std::fs::read(&output).unwrap()).unwrap();
     assert!(again.skips.is_empty(), "{}", again.skips);

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use cofix_agent::inspect::{InspectOptions, Inspected, inspect, inspect_any};
 use cofix_agent::{ProductSource, Stop};
 use cofix_common::gnss::ObservationEpoch;
+use cofix_common::measurement::CorrectionOptions;
 use cofix_common::rinex::{
     ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record,
 };
@@ -48,6 +49,58 @@ fn with_orbits_the_masks_that_need_them_are_counted() {
     assert!(low > 0 && text.contains("elevation below the mask"), "{text}");
     assert_eq!(trial.skips.count("C/N0 below the mask"), 1, "{text}");
     assert_eq!(trial.used + trial.excluded + low + 1, observations as u64, "{text}");
+}
+
+/// What masks exclude by name is counted by mask, does not take part, and the rest is as before.
+#[test]
+fn constellations_satellites_and_signals_can_be_excluded() {
+    let simulation = Simulation::new(Scenario { seed: 2, duration_s: 10.0, ..Scenario::default() }).unwrap();
+    let epochs: Vec<_> = simulation.epochs(0).map(|simulated| simulated.epoch).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("phone.rnx");
+    write(&path, &epochs);
+    let trial = |exclude: &[&str]| {
+        let products = ProductSource::Loaded(Arc::new(simulation.products()));
+        let exclude = exclude.iter().map(|text| text.parse().unwrap()).collect();
+        let correction = CorrectionOptions { exclude, ..CorrectionOptions::default() };
+        let options = InspectOptions { products, correction, ..InspectOptions::default() };
+        inspect(&path, &options, &Stop::default()).unwrap().trial.unwrap()
+    };
+    let observations = || epochs.iter().flat_map(|epoch| &epoch.observations);
+    let first = epochs[0].observations[0];
+    let (system, satellite) = (first.satellite.constellation.letter(), first.satellite);
+    let of_signal = format!("{system}:{}", first.signal);
+    let all = trial(&[]);
+    for (mask, named) in [
+        (system.to_string(), observations().filter(|o| o.satellite.constellation.letter() == system).count()),
+        (satellite.to_string(), observations().filter(|o| o.satellite == satellite).count()),
+        (
+            of_signal,
+            observations()
+                .filter(|o| o.satellite.constellation == satellite.constellation && o.signal == first.signal)
+                .count(),
+        ),
+    ] {
+        let some = trial(&[&mask]);
+        assert!(named > 0 && named < observations().count());
+        assert_eq!(
+            some.skips.count(&format!("excluded by the mask {mask}")),
+            named as u64,
+            "{:?}",
+            some.skips
+        );
+        assert!(some.used < all.used, "{mask}");
+    }
+    let idle = trial(&["S20", "S", "8"]);
+    for mask in ["S20", "S", "8"] {
+        assert_eq!(
+            idle.skips.count(&format!("mask {mask} names nothing that occurs")),
+            1,
+            "{:?}",
+            idle.skips
+        );
+    }
+    assert_eq!((idle.used, idle.solved), (all.used, all.solved));
 }
 
 #[test]

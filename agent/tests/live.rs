@@ -115,3 +115,31 @@ fn a_server_that_drops_the_connection_costs_no_later_epoch() {
     assert_eq!(report.skips.count("connection lost and opened again, or file written anew"), 1);
     assert_eq!(report.skips.count("source ended before its end"), 1, "{}", report.skips);
 }
+
+/// A server that sends a header and goes.
+#[test]
+fn a_live_source_that_ends_without_an_epoch_is_a_failure_and_says_so_to_the_hub() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let serving = std::thread::spawn(move || {
+        listener
+            .accept()
+            .unwrap()
+            .0
+            .write_all((HEADER.to_owned() + "> 2020 13 41 14 19  2.0  0  1\n").as_bytes())
+            .unwrap();
+    });
+    let hub = Hub::listen();
+    let millisecond = Duration::from_millis(1);
+    let backoff =
+        Backoff { first: millisecond, longest: millisecond, attempts: 2, silence: Duration::from_hours(1) };
+    let config = config(&hub, LiveSource::Tcp { address, backoff });
+    let error = run(&config, &Stop::default()).unwrap_err().to_string();
+    serving.join().unwrap();
+    assert!(error.contains("it ended without one epoch; skipped: "), "{error}");
+    let statuses = hub.statuses.lock().unwrap();
+    let Some(PhoneStatus::Finished { error: Some(told), .. }) = statuses.last() else {
+        panic!("{statuses:?}")
+    };
+    assert_eq!(*told, error);
+}

@@ -52,7 +52,7 @@ fn peaks(format: fn(i64) -> Recording, epochs: i64) -> [usize; 3] {
     let stop = Stop::default();
     let count = u64::try_from(epochs).unwrap();
     let source = Source::DatedFile { path: path.clone(), near };
-    let outputs = Outputs { observations: Some(folder.path().join("out.rnx")), navigation: None };
+    let outputs = Outputs { observations: Some(folder.path().join("out.rnx")), ..Outputs::default() };
     let converted = || convert(std::slice::from_ref(&path), &outputs, &reading, &stop).unwrap().epochs;
     [
         peak(|| assert_eq!(inspect(&path, &options, &stop).unwrap().epochs, count)),

@@ -134,6 +134,17 @@ impl GpsTime {
         (weeks != 0 && (difference_s - times * rollover_s).abs() <= NEAR_S).then_some(weeks)
     }
 
+    /// What to say, at the end of a sentence, where this time is a multiple of 1,024 weeks from that of the orbits; else nothing.
+    pub fn rollover_hint(self, orbits: Self) -> String {
+        let hint = |weeks: i64| {
+            let (by, way) = (weeks.abs(), if weeks > 0 { "low" } else { "high" });
+            format!(
+                "; the recording's week is probably {by} too {way}: shift_weeks = {weeks}, or --shift-weeks {weeks}"
+            )
+        };
+        self.rollover_weeks_to(orbits).map_or(String::new(), hint)
+    }
+
     /// Seconds into the GPS week, in [0, 604800).
     pub fn tow_s(self) -> f64 {
         let nanos = self.nanos.rem_euclid(7 * SECONDS_PER_DAY * NANOS_PER_SECOND);
@@ -318,6 +329,12 @@ mod tests {
         assert_eq!(weeks("1981-03-26T12:10:00", "2020-06-25T12:10:00"), Some(2_048));
         assert_eq!(weeks("2020-06-25T12:10:00", "2020-06-25T12:10:00"), None);
         assert_eq!(weeks("2000-11-09T12:10:00", "2020-08-25T12:10:00"), None);
+        let hint = |from: &str| {
+            from.parse::<GpsTime>().unwrap().rollover_hint("2020-06-25T12:10:00".parse().unwrap())
+        };
+        assert!(hint("2000-11-09T12:10:00").contains("1024 too low: shift_weeks = 1024"));
+        assert!(hint("2040-02-09T12:10:00").contains("1024 too high: shift_weeks = -1024"));
+        assert_eq!(hint("2020-06-25T12:10:00"), "");
     }
 
     #[test]

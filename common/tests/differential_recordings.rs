@@ -62,9 +62,9 @@ impl Session {
 
     /// Each epoch by itself; with corrections when there are options for them.
     fn solve(&self, options: Option<DifferentialOptions>) -> Solved {
-        let mut corrector = Corrector::new(self.products.clone(), self.correction);
+        let mut corrector = Corrector::new(self.products.clone(), self.correction.clone());
         let mut differential =
-            options.map(|options| Differential::new(self.products.clone(), self.correction, options));
+            options.map(|options| Differential::new(self.products.clone(), self.correction.clone(), options));
         let mut base = self.base.iter().peekable();
         let mut solved = Solved::default();
         for epoch in &self.rover {

@@ -127,7 +127,27 @@ fn eight_nodes_serve_from_the_first_to_the_last() {
         assert!(matches!(result, Err(OrbitError::NotCovered { .. })), "{result:?}");
     }
     let seven = Products::new(vec![sp3(&ephemeris, 10..17, &[])], vec![]);
-    assert!(seven.satellite_state(ephemeris.satellite, start() + 12_000.0).is_err());
+    let error = seven.satellite_state(ephemeris.satellite, start() + 12_000.0).unwrap_err();
+    assert!(matches!(error, OrbitError::TooFewNodes { nodes: 7, .. }), "{error}");
+    assert!(
+        error.to_string().contains("have 7 positions around it without a gap, and 8 are needed"),
+        "{error}"
+    );
+    let error = seven.satellite_state(ephemeris.satellite, start() + 15_000.0).unwrap_err();
+    assert!(matches!(error, OrbitError::NotCovered { .. }) && !error.to_string().contains("gap"), "{error}");
+}
+
+#[test]
+fn a_missing_clock_is_told_from_a_missing_position() {
+    let ephemeris = satellite(5_153.6, 0.01, 0.96, 0.3);
+    let text = sp3_text(&ephemeris, 0..20, &[]);
+    let without = |line: &str| {
+        if line.starts_with('P') { format!("{} 999999.999999\n", &line[..46]) } else { format!("{line}\n") }
+    };
+    let file = Sp3::parse(text.lines().map(without).collect::<String>().as_bytes()).unwrap();
+    let error =
+        Products::new(vec![file], vec![]).satellite_state(ephemeris.satellite, start() + 900.0).unwrap_err();
+    assert!(matches!(error, OrbitError::NoClock { .. }) && error.to_string().contains("no clock"), "{error}");
 }
 
 #[test]
@@ -137,7 +157,11 @@ fn a_missing_node_is_not_bridged() {
     let at = |epoch: f64| products.satellite_state(ephemeris.satellite, start() + 900.0 * epoch);
     assert!(at(38.9).is_ok() && at(41.1).is_ok());
     for epoch in [39.1, 40.0, 40.9] {
-        assert!(matches!(at(epoch), Err(OrbitError::NotCovered { .. })), "{epoch}");
+        let error = at(epoch).unwrap_err();
+        assert!(
+            matches!(error, OrbitError::NotCovered { .. }) && error.to_string().contains("in a gap"),
+            "{error}"
+        );
     }
 }
 

@@ -1,7 +1,7 @@
 //! What each part is worth: runs sessions through variants of the estimator, without Zenoh, and prints the horizontal
 //! 50th and 95th percentiles, mean over the phones.
 //!
-//!     cargo run --release -p cofix-hub --example variants -- DATA docs/reproduce/*.toml
+//!     cargo run --release --example variants -- DATA docs/reproduce/*.toml
 //!
 //! DATA is the folder to which the session files' paths are relative.
 //!

@@ -48,5 +48,6 @@ fn phone(simulation: &Simulation, index: usize, name: &str) -> PlannedPhone {
         source: Source::Epochs(Arc::new(epochs)),
         truth: Some(Truth::from_points(rows, QUALITY)),
         recorded_corrections: false,
+        exclude: Vec::new(),
     }
 }

@@ -2,7 +2,6 @@
 
 mod arguments;
 
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
@@ -12,6 +11,7 @@ use clap::{Parser, Subcommand};
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
 use cofix_common::simulation::Scenario;
+use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
 use cofix_hub::align::AlignOptions;
 use cofix_hub::files::{inputs, live_inputs};
 use cofix_hub::live::{self, LiveOptions};
@@ -23,10 +23,12 @@ const DEMO_RECORDING: &str = "cofix-demo.rrd";
 
 /// Fuses the phones of a group in one constrained filter, publishes, records and scores.
 #[derive(Debug, Parser)]
-#[command(version)]
+#[command(version = cofix_console::VERSION)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
+    #[command(flatten)]
+    verbosity: Verbosity,
 }
 
 #[derive(Debug, Subcommand)]
@@ -80,26 +82,13 @@ fn latency(text: &str) -> Result<f64, String> {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    log_to_stderr(&arguments.command);
-    match run_until_asked_to_end(move |stop| execute(arguments.command, stop)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            tracing::error!("{error:#}");
-            ExitCode::FAILURE
-        }
-    }
-}
-
-/// A live hub tells who comes and goes; elsewhere only what is wrong is said. `RUST_LOG` overrides.
-fn log_to_stderr(command: &Command) {
-    let own = if matches!(command, Command::Run { .. }) { "info" } else { "warn" };
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(format!("error,cofix_hub={own}")));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .init();
+    // A live hub tells who comes and goes; elsewhere only what is wrong is said.
+    let (usual, lines) = match arguments.command {
+        Command::Run { .. } => (LevelFilter::INFO, Lines::Timed),
+        Command::Replay { .. } | Command::Demo { .. } => (LevelFilter::WARN, Lines::Plain),
+    };
+    start_log(arguments.verbosity, usual, lines);
+    cofix_console::conclude(run_until_asked_to_end(move |stop| execute(arguments.command, stop)))
 }
 
 fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {

@@ -12,6 +12,7 @@ use cofix_agent::source::{self, Reading};
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
 use cofix_common::accuracy::Truth;
 use cofix_common::decode::Record;
+use cofix_common::measurement::Exclusion;
 use cofix_common::rinex::decompress;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -62,6 +63,8 @@ pub struct PlannedPhone {
     pub truth: Option<Truth>,
     /// Whether its recording's own satellite states and delays are taken, where it has them.
     pub recorded_corrections: bool,
+    /// What is not used of it, beside what the settings exclude for all phones.
+    pub exclude: Vec<Exclusion>,
 }
 
 /// How a replay is made.
@@ -123,6 +126,7 @@ impl Plan {
     pub fn pipeline(&self, phone: &PlannedPhone) -> Result<PipelineOptions, MaskError> {
         let mut options = self.settings.options()?.0;
         options.recorded_corrections = phone.recorded_corrections;
+        options.correction.exclude.extend(&phone.exclude);
         Ok(options)
     }
 }
@@ -143,6 +147,7 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
         source,
         truth,
         recorded_corrections: phone.recorded_corrections,
+        exclude: phone.exclude.clone(),
     })
 }
 
@@ -392,6 +397,7 @@ mod tests {
                 truth: Some(truth.clone()),
                 recorded_corrections: false,
                 date,
+                exclude: Vec::new(),
             };
             let truths = read_truths(&[phone]).map_err(|error| format!("{error:#}"))?;
             Ok::<_, String>(truths[0].1.as_ref().unwrap().span().unwrap().0.week())
@@ -408,6 +414,20 @@ mod tests {
     }
 
     #[test]
+    fn what_is_excluded_of_one_phone_comes_to_what_is_excluded_of_all() {
+        let text = "group = 'g'\n[[phone]]\nname = 'a'\nobservations = 'a'\nexclude = ['C:1C']\n[[phone]]\nname = 'b'\nobservations = 'b'\n[masks]\nexclude = ['E']";
+        let plan = Plan::from_session(&Session::parse(text, Path::new("s.toml")).unwrap()).unwrap();
+        let excluded = |phone: usize| {
+            let options = plan.pipeline(&plan.phones[phone]).unwrap();
+            options.correction.exclude.iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (excluded(0), excluded(1)),
+            (vec!["E".to_owned(), "C:1C".to_owned()], vec!["E".to_owned()])
+        );
+    }
+
+    #[test]
     fn bad_rows_of_a_truth_are_counted_under_its_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("truth.csv");
@@ -420,6 +440,7 @@ mod tests {
             truth: Some(path.clone()),
             recorded_corrections: false,
             date: None,
+            exclude: Vec::new(),
         };
         let (truths, skips) = read_truths_counted(&[phone("a"), phone("b")]).unwrap();
         assert!(truths.iter().all(|(_, truth)| truth.is_some()));

@@ -71,7 +71,7 @@ pub struct Program {
     pub name: &'static str,
     /// Its version.
     pub version: &'static str,
-    /// The commit that it was built from; null when it was not built in a clone.
+    /// The commit that it was built from; null when it is not known, as of debug builds.
     pub commit: Option<&'static str>,
 }
 
@@ -80,7 +80,7 @@ impl Default for Program {
         Self {
             name: env!("CARGO_PKG_NAME"),
             version: env!("CARGO_PKG_VERSION"),
-            commit: option_env!("COFIX_COMMIT"),
+            commit: cofix_console::COMMIT,
         }
     }
 }

@@ -15,6 +15,7 @@
 //!                                     # the WHU-Smartphone dataset
 //! date = "2020-08-13T14:00:00"        # optional, for RTCM 3 without products, and for a truth without a week: an instant within three days
 //!                                     # of the beginning
+//! exclude = ["E12"]                 # optional: not used of this phone, beside what [masks] excludes for all
 //! recorded_corrections = false        # true: the satellite states and delays of its own recording (challenge tables) in
 //!                                     # place of the products', which need not be named then
 //! [[constraint]]
@@ -43,6 +44,7 @@
 //! [masks]                             # what is not used; these are the defaults
 //! elevation_deg = 7.5
 //! cn0_dbhz = 15.0
+//! exclude = []                        # constellations, satellites, signals: ["E", "G05", "C:1C", "E12:5X", "G:5", "5X"]
 //! [log]                               # GnssLogger text and tables with its columns; these are the defaults
 //! received_time_uncertainty_ns = 500.0
 //! bias_uncertainty_ns = 1e7
@@ -67,7 +69,7 @@ use cofix_agent::masks::{LogOptions, MaskError, Masks};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{CorrectionSource, Corrections};
 use cofix_common::frames::Ecef;
-use cofix_common::measurement::Ionosphere;
+use cofix_common::measurement::{Exclusion, Ionosphere};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::check_name;
 
@@ -148,6 +150,8 @@ pub struct SessionPhone {
     pub recorded_corrections: bool,
     /// An instant within three days of the recording's beginning.
     pub date: Option<GpsTime>,
+    /// What is not used of it, beside what the masks exclude for all phones.
+    pub exclude: Vec<Exclusion>,
 }
 
 /// A session file that cannot be used.
@@ -258,6 +262,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
             observations: phone.observations.map(at),
             truth: phone.truth.map(at),
             recorded_corrections: phone.recorded_corrections,
+            exclude: phone.exclude,
         })
     };
     Ok(Session {

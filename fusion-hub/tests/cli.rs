@@ -21,7 +21,8 @@ fn hub(folder: &Path, arguments: &[&str]) -> assert_cmd::assert::Assert {
 fn failure(folder: &Path, arguments: &[&str]) -> String {
     let assert = hub(folder, arguments).code(1);
     let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
-    assert!(text.contains("ERROR") && !text.contains("panicked"), "{text}");
+    assert_eq!(text.lines().filter(|line| line.starts_with("error: ")).count(), 1, "{text}");
+    assert!(!text.contains("panicked"), "{text}");
     assert!(assert.get_output().stdout.is_empty(), "only the table goes to the standard output");
     text
 }

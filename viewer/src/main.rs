@@ -1,19 +1,21 @@
 //! Summarises and opens recordings of the fusion hub.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use cofix_viewer::open::{open, version_warning, viewer_version};
+use cofix_console::{LevelFilter, Lines, Verbosity, conclude, print, start_log};
+use cofix_viewer::open::{TELEMETRY, open, version_warning, viewer_version};
 use cofix_viewer::summary::Summary;
 
 /// Looks at recordings of cofix-hub.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = cofix_console::VERSION)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
+    #[command(flatten)]
+    verbosity: Verbosity,
 }
 
 #[derive(Subcommand)]
@@ -34,36 +36,25 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    match execute() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            // Nothing is left to be done when this cannot be said.
-            let _ = writeln!(std::io::stderr(), "error: {error:#}");
-            ExitCode::FAILURE
-        }
-    }
+    let Arguments { command, verbosity } = Arguments::parse();
+    start_log(verbosity, LevelFilter::INFO, Lines::Plain);
+    conclude(execute(command))
 }
 
-fn execute() -> anyhow::Result<()> {
-    match Arguments::parse().command {
+fn execute(command: Command) -> anyhow::Result<()> {
+    match command {
         Command::Summary { file, all } => print(&Summary::read(&file)?.render(all)),
         Command::Open { file } => open_checked(&file),
     }
 }
 
-/// A reader that closes the pipe early (`| head`) is no failure.
-fn print(text: &str) -> anyhow::Result<()> {
-    match std::io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        result => Ok(result?),
-    }
-}
-
 fn open_checked(file: &Path) -> anyhow::Result<()> {
     let summary = Summary::read(file)?;
-    let warnings = summary.warnings.into_iter().chain(version_warning(&viewer_version()?));
-    for warning in warnings {
-        writeln!(std::io::stderr(), "warning: {warning}")?;
+    let version = viewer_version()?;
+    tracing::debug!("the installed viewer says: {version}");
+    for warning in summary.warnings.into_iter().chain(version_warning(&version)) {
+        tracing::warn!("{warning}");
     }
+    tracing::info!("{TELEMETRY}");
     Ok(open(file)?)
 }

@@ -8,6 +8,10 @@ use crate::RERUN_VERSION;
 
 /// The viewer's program.
 const PROGRAM: &str = "rerun";
+/// Where the viewer listens for data of other programs: to this computer alone. By itself it listens to the whole network.
+const BIND: [&str; 2] = ["--bind", "127.0.0.1"];
+/// What should be known of the viewer.
+pub const TELEMETRY: &str = "the Rerun viewer sends statistics of its use to its makers, unless `rerun analytics disable` was said once";
 
 /// Why the viewer did not run.
 #[derive(Debug, thiserror::Error)]
@@ -59,7 +63,7 @@ pub fn version_warning(version: &str) -> Option<String> {
 /// # Errors
 /// When the viewer cannot be started or ends with an error.
 pub fn open(path: &Path) -> Result<(), OpenError> {
-    let status = Command::new(PROGRAM).arg(path).status().map_err(start_error)?;
+    let status = Command::new(PROGRAM).args(BIND).arg(path).status().map_err(start_error)?;
     if status.success() { Ok(()) } else { Err(OpenError::Failed { path: path.to_owned(), status }) }
 }
 

@@ -170,14 +170,18 @@ fn the_viewer_gets_the_file() {
         command
     };
     install_viewer(directory.path(), "0.36.3", 0);
-    let quiet = open().assert().success().get_output().stderr.clone();
+    let told = open().assert().success().get_output().stderr.clone();
+    let told = String::from_utf8(told).unwrap();
+    assert!(told.contains("rerun analytics disable") && told.lines().count() == 1, "{told}");
+    let quiet = open().arg("-q").assert().success().get_output().stderr.clone();
     assert!(quiet.is_empty(), "{}", String::from_utf8_lossy(&quiet));
     let arguments = std::fs::read_to_string(directory.path().join("arguments")).unwrap();
-    assert_eq!(arguments.trim(), path.display().to_string());
+    assert_eq!(arguments.trim(), format!("--bind 127.0.0.1 {}", path.display()));
 
     install_viewer(directory.path(), "0.37.1", 0);
     let warned = open().assert().success().get_output().stderr.clone();
-    assert!(String::from_utf8_lossy(&warned).contains("is 0.37.1"));
+    let warned = String::from_utf8(warned).unwrap();
+    assert!(warned.starts_with("warning: ") && warned.contains("is 0.37.1"), "{warned}");
 
     install_viewer(directory.path(), "0.36.3", 3);
     assert!(complaint(&mut open()).contains("ended with"));

@@ -2,8 +2,6 @@
 
 mod overlap;
 
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use cofix_common::decode::Record;
@@ -16,6 +14,7 @@ use cofix_common::time::{Calendar, GpsTime};
 
 use self::overlap::Overlap;
 use crate::Stop;
+use crate::files::{Named, OutputError, OutputFile, check_outputs};
 use crate::products::{OwnNavigation, is_navigation_file, navigation_file};
 use crate::source::{self, Reading, SourceError};
 
@@ -26,6 +25,15 @@ pub struct Outputs {
     pub observations: Option<PathBuf>,
     /// Navigation file.
     pub navigation: Option<PathBuf>,
+    /// Whether files that are there may be replaced.
+    pub overwrite: bool,
+}
+
+/// The outputs, opened. They appear when both are whole.
+#[derive(Default)]
+struct Opened {
+    observations: Option<OutputFile>,
+    navigation: Option<OutputFile>,
 }
 
 /// What was written.
@@ -48,24 +56,21 @@ pub enum ConvertError {
     #[error(transparent)]
     Source(#[from] SourceError),
     /// An output cannot be written.
-    #[error("{}: cannot write: {cause}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        cause: io::Error,
-    },
-    /// An output is one of the sources.
-    #[error("{}: is read and would be overwritten; name another output", .0.display())]
-    Overwrites(PathBuf),
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// The sources have nothing to write into an output.
-    #[error("{}: nothing to write: the recording has no {what}", path.display())]
+    #[error("{}: nothing to write: the recordings have no {what}{}", path.display(), source::and_skipped(skips))]
     Nothing {
         /// The file.
         path: PathBuf,
         /// What is lacking.
         what: &'static str,
+        /// What was skipped in reading.
+        skips: Skips,
     },
+    /// Asked to stop before the end.
+    #[error("stopped before the end; nothing was written")]
+    Stopped,
 }
 
 /// What a first reading of the recordings finds.
@@ -83,16 +88,15 @@ struct Contents {
 /// read twice, in portions: RINEX names its columns before the first epoch.
 ///
 /// # Errors
-/// When a source cannot be used or an output cannot be written.
+/// When a source cannot be used, a recording holds neither an epoch nor a navigation message, an output cannot be written, or the
+/// work is stopped. No output is left behind then.
 pub fn convert(
     files: &[PathBuf],
     outputs: &Outputs,
     reading: &Reading,
     stop: &Stop,
 ) -> Result<Converted, ConvertError> {
-    for output in [&outputs.observations, &outputs.navigation].into_iter().flatten() {
-        check_output(output, files)?;
-    }
+    let mut opened = outputs.open(files)?;
     let mut converted = Converted::default();
     let mut contents = Contents::default();
     contents.info.created = now();
@@ -105,32 +109,55 @@ pub fn convert(
         };
         converted.skips.merge(&skips);
     }
-    if let Some(path) = &outputs.observations {
+    if let Some(output) = &mut opened.observations {
         if contents.epochs == 0 {
-            return Err(ConvertError::Nothing { path: path.clone(), what: "epoch" });
+            return Err(nothing(output, "epoch", converted.skips, stop));
         }
-        let writer = ObservationWriter::new(contents.layout.clone());
-        write_observations(
-            (path, &contents.recordings),
-            &contents.info,
-            writer,
-            (reading, stop),
-            &mut converted,
-        )?;
+        write_observations(output, &contents, (reading, stop), &mut converted)?;
     }
-    if let Some(path) = &outputs.navigation {
+    if let Some(output) = &mut opened.navigation {
         if contents.navigation.is_empty() {
-            return Err(ConvertError::Nothing { path: path.clone(), what: "navigation message" });
+            return Err(nothing(output, "navigation message", converted.skips, stop));
         }
-        write_navigation(path, &contents, &mut converted)?;
+        write_navigation(output, &contents, &mut converted)?;
+    }
+    if stop.is_requested() {
+        return Err(ConvertError::Stopped);
+    }
+    for output in [opened.observations, opened.navigation].into_iter().flatten() {
+        output.commit()?;
     }
     Ok(converted)
+}
+
+fn nothing(output: &OutputFile, what: &'static str, skips: Skips, stop: &Stop) -> ConvertError {
+    if stop.is_requested() {
+        return ConvertError::Stopped;
+    }
+    ConvertError::Nothing { path: output.path().to_owned(), what, skips }
+}
+
+impl Outputs {
+    /// Opens the outputs, after checking that they are files of their own.
+    fn open(&self, files: &[PathBuf]) -> Result<Opened, OutputError> {
+        let named = |what, path: &Option<PathBuf>| path.as_deref().map(|path| Named::new(what, path));
+        let observations = named("the observation file", &self.observations);
+        let navigation = named("the navigation file", &self.navigation);
+        let outputs: Vec<Named> = observations.iter().chain(&navigation).cloned().collect();
+        let inputs: Vec<Named> = files.iter().map(|file| Named::new("a file that is read", file)).collect();
+        check_outputs(&outputs, &inputs)?;
+        let open = |output: Option<Named>| {
+            output.map(|output| OutputFile::create(output, self.overwrite)).transpose()
+        };
+        Ok(Opened { observations: open(observations)?, navigation: open(navigation)? })
+    }
 }
 
 impl Contents {
     fn read(&mut self, path: &Path, reading: &Reading, stop: &Stop) -> Result<Skips, SourceError> {
         let mut records = source::open_file(path, reading)?;
         let mut navigation = OwnNavigation::default();
+        let epochs_before = self.epochs;
         while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
             if let Record::Event(event) = &record {
                 self.layout.include_event(event);
@@ -151,8 +178,12 @@ impl Contents {
             self.info.approximate_position = self.info.approximate_position.or(header.approximate_position);
         }
         self.info.approximate_position = self.info.approximate_position.or(decoder.station());
+        let skips = records.skips();
+        if self.epochs == epochs_before && navigation.is_empty() && !stop.is_requested() {
+            return Err(source::no_epoch(&path.display().to_string(), &skips));
+        }
         self.navigation.extend(navigation);
-        Ok(records.skips())
+        Ok(skips)
     }
 
     fn read_navigation(&mut self, path: &Path) -> Result<Skips, SourceError> {
@@ -177,89 +208,68 @@ fn now() -> String {
     format!("{year:04}{month:02}{day:02} {hour:02}{minute:02}{:02.0} UTC", second.floor())
 }
 
-fn check_output(output: &Path, files: &[PathBuf]) -> Result<(), ConvertError> {
-    let Ok(there) = output.canonicalize() else { return Ok(()) };
-    let is_read = files.iter().any(|file| file.canonicalize().is_ok_and(|file| file == there));
-    if is_read { Err(ConvertError::Overwrites(output.to_owned())) } else { Ok(()) }
-}
-
-/// Writes a file through a function.
-fn to_file(
-    path: &Path,
-    work: impl FnOnce(&mut dyn FnMut(&str) -> io::Result<()>) -> Result<(), ConvertError>,
-) -> Result<(), ConvertError> {
-    let failed = |cause| ConvertError::Write { path: path.to_owned(), cause };
-    let mut file = BufWriter::new(File::create(path).map_err(failed)?);
-    work(&mut |text| file.write_all(text.as_bytes()))?;
-    file.flush().map_err(failed)
-}
-
 fn write_observations(
-    (path, files): (&Path, &[PathBuf]),
-    info: &RecordingInfo,
-    mut writer: ObservationWriter,
+    output: &mut OutputFile,
+    contents: &Contents,
     (reading, stop): (&Reading, &Stop),
     converted: &mut Converted,
 ) -> Result<(), ConvertError> {
-    let failed = |cause| ConvertError::Write { path: path.to_owned(), cause };
+    let mut writer = ObservationWriter::new(contents.layout.clone());
     let mut last: Option<GpsTime> = None;
-    to_file(path, |put| {
-        put(&writer.header(info)).map_err(failed)?;
-        for file in files {
-            let mut overlap = Overlap::new(last);
-            let mut records = source::open_file(file, reading)?;
-            while let Some(record) = records.next(stop).map_err(|error| source::file_error(file, error))? {
-                if let Some(left_out) = overlap.leaves_out(&record) {
-                    converted.skips.add(left_out, || overlap::describe(&record, file));
-                    continue;
-                }
-                let text = match &record {
-                    Record::Epoch(epoch) => {
-                        last = Some(epoch.time_gps);
-                        converted.epochs += 1;
-                        writer.epoch(epoch)
-                    }
-                    Record::Event(event) => {
-                        let text = writer.event(event);
-                        converted.events += u64::from(!text.is_empty());
-                        text
-                    }
-                    Record::Ephemeris(_) | Record::Glonass(_) => continue,
-                };
-                put(&text).map_err(failed)?;
+    output.put(&writer.header(&contents.info))?;
+    for file in &contents.recordings {
+        let mut overlap = Overlap::new(last);
+        let mut records = source::open_file(file, reading)?;
+        while let Some(record) = records.next(stop).map_err(|error| source::file_error(file, error))? {
+            if let Some(left_out) = overlap.leaves_out(&record) {
+                converted.skips.add(left_out, || overlap::describe(&record, file));
+                continue;
             }
+            let text = match &record {
+                Record::Epoch(epoch) => {
+                    last = Some(epoch.time_gps);
+                    converted.epochs += 1;
+                    writer.epoch(epoch)
+                }
+                Record::Event(event) => {
+                    let text = writer.event(event);
+                    converted.events += u64::from(!text.is_empty());
+                    text
+                }
+                Record::Ephemeris(_) | Record::Glonass(_) => continue,
+            };
+            output.put(&text)?;
         }
-        Ok(())
-    })?;
+    }
     converted.skips.merge(writer.skips());
     Ok(())
 }
 
-fn write_navigation(path: &Path, contents: &Contents, converted: &mut Converted) -> Result<(), ConvertError> {
-    let failed = |cause| ConvertError::Write { path: path.to_owned(), cause };
+fn write_navigation(
+    output: &mut OutputFile,
+    contents: &Contents,
+    converted: &mut Converted,
+) -> Result<(), OutputError> {
     let navigation = &contents.navigation.file;
-    to_file(path, |put| {
-        let leap_seconds = contents.info.leap_seconds;
-        put(&navigation_header(&contents.info.created, &navigation.ionosphere, leap_seconds))
-            .map_err(failed)?;
-        for ephemeris in &navigation.ephemerides {
-            let Some(record) = navigation_record(ephemeris) else {
-                converted.skips.add("ephemeris that is not written", || ephemeris.satellite.to_string());
-                continue;
-            };
-            converted.ephemerides += 1;
-            put(&record).map_err(failed)?;
-        }
-        for ephemeris in &navigation.glonass {
-            let Some(record) = glonass_record(ephemeris, leap_seconds) else {
-                converted.skips.add("GLONASS ephemeris off the quarter of an hour, not written", || {
-                    format!("{} at {}", ephemeris.satellite, ephemeris.toe)
-                });
-                continue;
-            };
-            converted.ephemerides += 1;
-            put(&record).map_err(failed)?;
-        }
-        Ok(())
-    })
+    let leap_seconds = contents.info.leap_seconds;
+    output.put(&navigation_header(&contents.info.created, &navigation.ionosphere, leap_seconds))?;
+    for ephemeris in &navigation.ephemerides {
+        let Some(record) = navigation_record(ephemeris) else {
+            converted.skips.add("ephemeris that is not written", || ephemeris.satellite.to_string());
+            continue;
+        };
+        converted.ephemerides += 1;
+        output.put(&record)?;
+    }
+    for ephemeris in &navigation.glonass {
+        let Some(record) = glonass_record(ephemeris, leap_seconds) else {
+            converted.skips.add("GLONASS ephemeris off the quarter of an hour, not written", || {
+                format!("{} at {}", ephemeris.satellite, ephemeris.toe)
+            });
+            continue;
+        };
+        converted.ephemerides += 1;
+        output.put(&record)?;
+    }
+    Ok(())
 }

@@ -29,7 +29,7 @@ pub use trial::Trial;
 
 use crate::format::Format;
 use crate::phone::PhoneReport;
-use crate::products::{Loaded, OwnNavigation, is_navigation_file};
+use crate::products::{Loaded, NAVIGATION, OwnNavigation, is_navigation_file};
 use crate::source::{self, Reading, SourceError};
 use crate::{ProductSource, Stop};
 
@@ -88,6 +88,8 @@ pub struct Mask {
     pub name: String,
     /// How many observations.
     pub count: u64,
+    /// Whether it excludes by name, and nothing of that name occurs.
+    pub names_nothing: bool,
 }
 
 /// How a recording is inspected.
@@ -120,6 +122,28 @@ impl fmt::Display for Inspected {
     }
 }
 
+impl Inspected {
+    /// Whether there is anything in the file: an epoch, or, in a navigation file or a stream of RTCM 3 ephemerides, a message.
+    ///
+    /// # Errors
+    /// When there is nothing; it names what was skipped.
+    pub fn check(&self) -> Result<(), SourceError> {
+        match self {
+            Self::Recording(recording) => {
+                let ephemerides = recording.format == Some(Format::Rtcm3) && recording.ephemerides > 0;
+                if recording.epochs > 0 || ephemerides {
+                    return Ok(());
+                }
+                Err(source::no_epoch(&recording.file, &recording.skips))
+            }
+            Self::Navigation(navigation) if navigation.messages.is_empty() => {
+                Err(source::nothing_in(&navigation.file, NAVIGATION, "message", &navigation.skips))
+            }
+            Self::Navigation(_) => Ok(()),
+        }
+    }
+}
+
 /// Inspects a recording or a RINEX navigation file.
 ///
 /// # Errors
@@ -141,7 +165,7 @@ pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Ins
     let Reading { near, log } = options.reading.clone();
     let reading = &Reading { near: near.or(loaded.near), log };
     let mut records = source::open_file(path, reading)?;
-    let mut tally = Tally::default();
+    let mut tally = Tally::new(&options.correction);
     let mut navigation = OwnNavigation::default();
     while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
         if let Record::Event(event) = &record {
@@ -163,13 +187,13 @@ pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Ins
         ionosphere: navigation.file.ionosphere.gps.is_some(),
         phone: records.decoder().phone().report(),
         skips,
-        ..tally.report(&channels, options.correction.minimum_cn0_dbhz)
+        ..tally.report(&channels)
     };
     if !has_orbits {
         return Ok(inspection);
     }
     navigation.add_to(&mut products);
-    let running = trial::Running::new(products, options.correction);
+    let running = trial::Running::new(products, options.correction.clone());
     Ok(Inspection { trial: Some(trial(path, reading, running, stop)?), ..inspection })
 }
 
@@ -203,6 +227,10 @@ struct Tally {
 }
 
 impl Tally {
+    fn new(masks: &CorrectionOptions) -> Self {
+        Self { signals: signals::Signals::new(masks), ..Self::default() }
+    }
+
     fn epoch(&mut self, epoch: &ObservationEpoch) {
         self.epochs += 1;
         let time = epoch.time_gps;
@@ -220,7 +248,7 @@ impl Tally {
         self.clock.epoch(epoch);
     }
 
-    fn report(self, channels: &std::collections::BTreeMap<u8, i8>, minimum_cn0_dbhz: f64) -> Inspection {
+    fn report(self, channels: &std::collections::BTreeMap<u8, i8>) -> Inspection {
         let (interval_s, gaps) = self.steps.report();
         Inspection {
             file: String::new(),
@@ -235,13 +263,7 @@ impl Tally {
             events: self.events,
             satellites_per_epoch: self.satellites.spread(),
             duty_cycled: self.signals.duty_cycled(),
-            masks: vec![
-                Mask {
-                    name: format!("C/N0 below {minimum_cn0_dbhz} dB-Hz"),
-                    count: self.signals.weaker_than_mask(),
-                },
-                Mask { name: "no pseudorange".to_owned(), count: self.signals.without_pseudorange() },
-            ],
+            masks: self.signals.masks(),
             constellations: self.signals.report(channels),
             clock_jumps: self.clock.report(),
             ephemerides: 0,

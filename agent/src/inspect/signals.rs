@@ -3,8 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use cofix_common::gnss::{Constellation, Observation, SatelliteId, SignalCode};
-use cofix_common::measurement::CorrectionOptions;
+use cofix_common::measurement::{CorrectionOptions, Exclusion};
 use serde::Serialize;
+
+use super::Mask;
 
 /// A signal is duty-cycled when more than this share of its phases begin anew,
 const DUTY_CYCLED: f64 = 0.5;
@@ -141,25 +143,51 @@ impl Signal {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Signals {
     by_signal: BTreeMap<(Constellation, SignalCode), Signal>,
+    minimum_cn0_dbhz: f64,
     weak: u64,
+    /// What is excluded by name, and how often it came.
+    excluded: Vec<(Exclusion, u64)>,
 }
 
 impl Signals {
-    pub(super) fn add(&mut self, observations: &[Observation]) {
-        let mask_dbhz = CorrectionOptions::default().minimum_cn0_dbhz;
-        for observation in observations {
-            let key = (observation.satellite.constellation, observation.signal);
-            self.by_signal.entry(key).or_default().add(observation);
-            self.weak += u64::from(observation.cn0_dbhz.is_some_and(|cn0| cn0 < mask_dbhz));
+    /// Nothing yet; what these masks would take is counted.
+    pub(super) fn new(masks: &CorrectionOptions) -> Self {
+        Self {
+            minimum_cn0_dbhz: masks.minimum_cn0_dbhz,
+            excluded: masks.exclude.iter().map(|exclusion| (*exclusion, 0)).collect(),
+            ..Self::default()
         }
     }
 
-    pub(super) const fn weaker_than_mask(&self) -> u64 {
-        self.weak
+    pub(super) fn add(&mut self, observations: &[Observation]) {
+        for observation in observations {
+            let key = (observation.satellite.constellation, observation.signal);
+            self.by_signal.entry(key).or_default().add(observation);
+            self.weak += u64::from(observation.cn0_dbhz.is_some_and(|cn0| cn0 < self.minimum_cn0_dbhz));
+            for (exclusion, count) in &mut self.excluded {
+                *count += u64::from(exclusion.names(observation));
+            }
+        }
     }
 
-    pub(super) fn without_pseudorange(&self) -> u64 {
-        self.by_signal.values().map(|Signal { missing: [pseudorange, ..], .. }| *pseudorange).sum()
+    /// What the agent's masks would leave out; an observation may fall under several.
+    pub(super) fn masks(&self) -> Vec<Mask> {
+        let without_pseudorange =
+            self.by_signal.values().map(|Signal { missing: [pseudorange, ..], .. }| *pseudorange).sum();
+        let always = [
+            Mask {
+                name: format!("C/N0 below {} dB-Hz", self.minimum_cn0_dbhz),
+                count: self.weak,
+                names_nothing: false,
+            },
+            Mask { name: "no pseudorange".to_owned(), count: without_pseudorange, names_nothing: false },
+        ];
+        let by_name = self.excluded.iter().map(|(exclusion, count)| Mask {
+            name: format!("exclude {exclusion}"),
+            count: *count,
+            names_nothing: *count == 0,
+        });
+        always.into_iter().chain(by_name).collect()
     }
 
     pub(super) fn duty_cycled(&self) -> Vec<String> {

@@ -36,7 +36,8 @@ impl fmt::Display for Inspection {
         writeln!(f, "  navigation  {} ephemerides in the recording itself{ionosphere}", self.ephemerides)?;
         self.phone.iter().try_for_each(|phone| write!(f, "{phone}"))?;
         for mask in &self.masks {
-            writeln!(f, "  mask        {}: {} observations", mask.name, mask.count)?;
+            let idle = if mask.names_nothing { ", it names nothing that occurs" } else { "" };
+            writeln!(f, "  mask        {}: {} observations{idle}", mask.name, mask.count)?;
         }
         for (reason, skip) in self.skips.iter() {
             writeln!(f, "  skipped     {} × {reason}, first: {}", skip.count, skip.first)?;
@@ -92,11 +93,7 @@ impl Inspection {
         if let Some(drift_mps) = self.clock_jumps.drift_mps {
             writeln!(f, "  clock drift {drift_mps:.1} m/s of pseudoranges against Doppler, in the median")?;
         }
-        if self.clock_jumps.count == 0 {
-            return writeln!(f, "  clock jumps none");
-        }
-        let (count, largest) = (self.clock_jumps.count, self.clock_jumps.largest_m);
-        writeln!(f, "  clock jumps {count}, largest {largest:.1} m")?;
+        writeln!(f, "  clock jumps {}", self.clock_jumps)?;
         for jump in self.clock_jumps.first.iter().take(3) {
             writeln!(f, "              {:.1} m at {} ({} signals)", jump.jump_m, jump.at_gps, jump.signals)?;
         }

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::exclusion::{Exclusion, Exclusions};
 use super::given::{GivenCorrections, RecordedObservation};
 use super::pair::{Ionosphere, Second};
 use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
@@ -15,7 +16,7 @@ use crate::skips::Skips;
 use crate::time::GpsTime;
 
 /// Masks and models of the corrections.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CorrectionOptions {
     /// Satellites below this elevation are not used, rad.
     pub elevation_mask_rad: f64,
@@ -26,6 +27,8 @@ pub struct CorrectionOptions {
     pub ionosphere: Ionosphere,
     /// Signals weaker than this are not used, dB-Hz.
     pub minimum_cn0_dbhz: f64,
+    /// Constellations, satellites and signals that are not used.
+    pub exclude: Vec<Exclusion>,
     /// Variances of code and Doppler.
     pub stochastic: StochasticModel,
     /// Standard deviation that stands for a group delay which no product knows, m.
@@ -47,6 +50,7 @@ impl Default for CorrectionOptions {
             stated_elevation_mask_rad: 0.0,
             ionosphere: Ionosphere::default(),
             minimum_cn0_dbhz: 15.0,
+            exclude: Vec::new(),
             stochastic: StochasticModel::default(),
             unknown_group_delay_sigma_m: 2.0,
             beidou_bias_sigma_m: 2.0,
@@ -61,6 +65,7 @@ impl Default for CorrectionOptions {
 pub struct Corrector {
     products: Arc<Products>,
     options: CorrectionOptions,
+    exclusions: Exclusions,
     pub(super) skips: Skips,
 }
 
@@ -90,7 +95,13 @@ pub struct PreparedObservation {
 impl Corrector {
     /// A corrector on the given products.
     pub fn new(products: Arc<Products>, options: CorrectionOptions) -> Self {
-        Self { products, options, skips: Skips::default() }
+        let exclusions = Exclusions::new(&options.exclude);
+        Self { products, options, exclusions, skips: Skips::default() }
+    }
+
+    /// Goes on with other products: more messages have come.
+    pub fn set_products(&mut self, products: Arc<Products>) {
+        self.products = products;
     }
 
     /// The products that it works with.
@@ -101,6 +112,11 @@ impl Corrector {
     /// What [`Corrector::prepare`] skipped so far, by reason.
     pub const fn skips(&self) -> &Skips {
         &self.skips
+    }
+
+    /// Of [`CorrectionOptions::exclude`], those that named nothing that came so far.
+    pub fn idle_exclusions(&self) -> impl Iterator<Item = Exclusion> {
+        self.exclusions.idle()
     }
 
     /// Satellite states and position-free corrections of one epoch; what cannot be used is counted.
@@ -119,6 +135,9 @@ impl Corrector {
         let mut prepared = Vec::with_capacity(epoch.observations.len());
         let mut last: Option<PreparedState> = None;
         for (index, observation) in epoch.observations.iter().enumerate() {
+            if self.is_excluded(observation, epoch.time_gps) {
+                continue;
+            }
             let Some(pseudorange_m) = observation.pseudorange_m else {
                 self.skips.add("no pseudorange", || {
                     format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
@@ -180,6 +199,15 @@ impl Corrector {
         let satellite = observation.satellite;
         let channel = self.products.glonass_channel(satellite, time_gps);
         observation.signal.frequency_hz(satellite.constellation, channel)
+    }
+
+    /// Whether an observation is excluded by name; counts it.
+    pub(super) fn is_excluded(&mut self, observation: &Observation, time_gps: GpsTime) -> bool {
+        let Some(exclusion) = self.exclusions.first(observation) else { return false };
+        self.skips.add(&format!("excluded by the mask {exclusion}"), || {
+            format!("{} {} at {time_gps}", observation.satellite, observation.signal)
+        });
+        true
     }
 
     /// Whether a signal is below the mask; counts it.
@@ -277,7 +305,7 @@ impl Corrector {
         time_gps: GpsTime,
     ) -> (Vec<CorrectedObservation>, Skips) {
         let mut masked = Skips::default();
-        let view = View { frame: LocalFrame::at(position), time_gps, options: self.options };
+        let view = View { frame: LocalFrame::at(position), time_gps, options: &self.options };
         let mut corrected = Vec::with_capacity(prepared.len());
         for observation in prepared {
             let seen = view.see(observation);
@@ -373,13 +401,13 @@ impl Rotated {
 }
 
 /// The sky from one place at one instant.
-struct View {
+struct View<'a> {
     frame: LocalFrame,
     time_gps: GpsTime,
-    options: CorrectionOptions,
+    options: &'a CorrectionOptions,
 }
 
-impl View {
+impl View<'_> {
     fn see(&self, prepared: &PreparedObservation) -> Seen {
         let receiver = self.frame.origin();
         let rough_s = prepared.position.distance_m(receiver) / SPEED_OF_LIGHT_MPS;

@@ -111,7 +111,7 @@ impl RecordedEpoch {
 
 impl Corrector {
     /// As [`Corrector::prepare`], for an observation whose satellite state and corrections came with it. `frequency_hz` is the carrier's, where
-    /// it is known; range rates need it, and a model of the ionosphere. `None` without a pseudorange, and for a signal below the mask.
+    /// it is known; range rates need it, and a model of the ionosphere. `None` without a pseudorange, and for one that is excluded or below the mask.
     pub fn prepare_given(
         &mut self,
         observation: &Observation,
@@ -119,6 +119,9 @@ impl Corrector {
         time_gps: GpsTime,
         given: &GivenCorrections,
     ) -> Option<PreparedObservation> {
+        if self.is_excluded(observation, time_gps) {
+            return None;
+        }
         let pseudorange_m = observation.pseudorange_m?;
         if self.is_weak(observation, time_gps) {
             return None;

@@ -3,6 +3,7 @@
 mod channel;
 mod correct;
 mod differential;
+mod exclusion;
 mod given;
 mod pair;
 #[cfg(test)]
@@ -12,6 +13,7 @@ mod stochastic;
 pub use channel::ChannelObservation;
 pub use correct::{CorrectionOptions, Corrector, PreparedObservation, without_position};
 pub use differential::{Applied, Differential, DifferentialCounts, DifferentialOptions, Uncorrected};
+pub use exclusion::{Exclusion, ExclusionError};
 pub use given::{GivenCorrections, RecordedEpoch, RecordedObservation};
 pub(crate) use given::{
     MAX_SATELLITE_CLOCK_M, MAX_SATELLITE_DRIFT_MPS, MAX_SATELLITE_SPEED_MPS, ORBIT_BOUNDS_M,

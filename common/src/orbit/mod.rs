@@ -68,16 +68,41 @@ pub enum OrbitError {
         satellite: SatelliteId,
     },
     /// The products know the satellite, but not at this time.
-    #[error("{satellite} at {time}: orbits cover {first} to {last} only")]
+    #[error(
+        "{satellite} at {time}: {}the orbits reach from {first} to {last}; name a product that covers it{}",
+        between(*time, *first, *last),
+        time.rollover_hint(*first)
+    )]
     NotCovered {
         /// The satellite.
         satellite: SatelliteId,
-        /// The instant asked for.
+        /// The instant asked for; between `first` and `last` it lies in a gap.
         time: GpsTime,
         /// First usable instant.
         first: GpsTime,
         /// Last usable instant.
         last: GpsTime,
+    },
+    /// The precise orbits have too few positions without a gap there.
+    #[error(
+        "{satellite} at {time}: the SP3 orbits have {nodes} positions around it without a gap, and {} are needed; name the file of the day before or after too",
+        MIN_NODES
+    )]
+    TooFewNodes {
+        /// The satellite.
+        satellite: SatelliteId,
+        /// The instant asked for.
+        time: GpsTime,
+        /// Positions at equal distances around it.
+        nodes: usize,
+    },
+    /// The precise orbits have the position, but no clock.
+    #[error("{satellite} at {time}: the SP3 orbits have no clock there; name a RINEX clock file too")]
+    NoClock {
+        /// The satellite.
+        satellite: SatelliteId,
+        /// The instant asked for.
+        time: GpsTime,
     },
     /// The message in force says that the satellite must not be used.
     #[error("{satellite} at {time}: its navigation message says unhealthy ({health})")]
@@ -89,4 +114,9 @@ pub enum OrbitError {
         /// The health word.
         health: f64,
     },
+}
+
+/// What an instant that is not covered has to do with the orbits' span.
+fn between(time: GpsTime, first: GpsTime, last: GpsTime) -> &'static str {
+    if first <= time && time <= last { "it lies in a gap, though " } else { "" }
 }

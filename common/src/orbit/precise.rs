@@ -99,13 +99,29 @@ impl PreciseOrbit {
         clock: Option<ClockState>,
     ) -> Result<SatelliteState, OrbitError> {
         let (first, last) = self.span.ok_or(OrbitError::Unknown { satellite })?;
-        self.runs.iter().find_map(|run| run.state(time, clock)).ok_or(OrbitError::NotCovered {
-            satellite,
-            time,
-            first,
-            last,
-        })
+        let mut why = OrbitError::NotCovered { satellite, time, first, last };
+        for run in &self.runs {
+            match run.state(time, clock) {
+                Ok(state) => return Ok(state),
+                Err(Lack::Position) => {}
+                Err(Lack::Clock) => why = OrbitError::NoClock { satellite, time },
+                Err(Lack::Nodes) => {
+                    why = OrbitError::TooFewNodes { satellite, time, nodes: run.nodes.len() };
+                }
+            }
+        }
+        Err(why)
     }
+}
+
+/// What a run lacks at an instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lack {
+    /// It is elsewhere.
+    Position,
+    /// It is there, but too short.
+    Nodes,
+    Clock,
 }
 
 /// Position and velocity in an inertial frame.
@@ -135,23 +151,26 @@ impl Run {
         self.nodes.push(Node { position: turn(&node.position.0, turned), clock_s: node.clock_s });
     }
 
-    fn state(&self, time: GpsTime, clock: Option<ClockState>) -> Option<SatelliteState> {
+    fn state(&self, time: GpsTime, clock: Option<ClockState>) -> Result<SatelliteState, Lack> {
         let elapsed_s = time - self.first;
         let steps = elapsed_s / self.interval_s;
-        if self.nodes.len() < MIN_NODES || !(0.0..=(self.nodes.len() - 1) as f64).contains(&steps) {
-            return None;
+        if !(0.0..=self.nodes.len().saturating_sub(1) as f64).contains(&steps) {
+            return Err(Lack::Position);
+        }
+        if self.nodes.len() < MIN_NODES {
+            return Err(Lack::Nodes);
         }
         let clock = match clock {
             Some(clock) => clock,
-            None => self.clock(steps)?,
+            None => self.clock(steps).ok_or(Lack::Clock)?,
         };
-        let inertial = self.interpolate(steps)?;
+        let inertial = self.interpolate(steps).ok_or(Lack::Position)?;
         let turned = -EARTH_ROTATION_RADPS * elapsed_s;
         let position = turn(&inertial.position, turned);
         let carried = Vector3::new(-position.y, position.x, 0.0) * EARTH_ROTATION_RADPS;
         let velocity = turn(&inertial.velocity, turned) - carried;
         let relativity = Relativity::of(&inertial);
-        Some(SatelliteState {
+        Ok(SatelliteState {
             position: Ecef(position),
             velocity: EcefVector(velocity),
             clock_s: clock.offset_s + relativity.offset_s,

@@ -147,15 +147,12 @@ impl Products {
         match known.precise.state(satellite, time, self.clocks.state(satellite, time)) {
             Ok(state) => Ok(state),
             Err(no_precise) if !known.has_broadcast() => Err(no_precise),
-            Err(OrbitError::NotCovered { first, last, .. }) => {
-                // Neither covers: the span of the precise orbits tells more than that of messages.
-                let not_covered = OrbitError::NotCovered { satellite, time, first, last };
-                known.broadcast_state(satellite, time).map_err(|error| match error {
-                    OrbitError::Unhealthy { .. } => error,
-                    _ => not_covered,
-                })
-            }
-            Err(_) => known.broadcast_state(satellite, time),
+            Err(OrbitError::Unknown { .. }) => known.broadcast_state(satellite, time),
+            // Neither serves: what the precise orbits lack tells more than what the messages do.
+            Err(no_precise) => known.broadcast_state(satellite, time).map_err(|error| match error {
+                OrbitError::Unhealthy { .. } => error,
+                _ => no_precise,
+            }),
         }
     }
 

@@ -129,6 +129,23 @@ fn bases_and_masks_are_read_and_refused() {
 }
 
 #[test]
+fn what_is_not_used_is_named_for_all_phones_and_for_one() {
+    let text = "group = 'g'\n[[phone]]\nname = 'a'\nexclude = ['C:1C']\n[[phone]]\nname = 'b'\n[masks]\nexclude = ['E', 'G05', '5X']";
+    let session = parse(text).unwrap();
+    let named = |masks: &[Exclusion]| masks.iter().map(ToString::to_string).collect::<Vec<_>>();
+    assert_eq!(named(&session.settings.options().unwrap().0.correction.exclude), ["E", "G05", "5X"]);
+    assert_eq!(named(&session.phones[0].exclude), ["C:1C"]);
+    assert!(session.phones[1].exclude.is_empty());
+    for text in [
+        "group = 'g'\n[[phone]]\nname = 'a'\nexclude = ['GPS']",
+        "group = 'g'\n[[phone]]\nname = 'a'\n[masks]\nexclude = ['E', 'GPS']",
+    ] {
+        let refused = refusal(text);
+        assert!(refused.contains("line ") && refused.contains("'GPS' names nothing to exclude"), "{refused}");
+    }
+}
+
+#[test]
 fn a_minimal_file_has_defaults() {
     let session = parse("group = 'g'\n[[phone]]\nname = 'a'\n[filter]\npreset = 'peng2023'").unwrap();
     assert_eq!(session.truth_quality, [1]);

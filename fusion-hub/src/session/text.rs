@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use cofix_agent::masks::{LogOptions, Masks};
-use cofix_common::measurement::Ionosphere;
+use cofix_common::measurement::{Exclusion, Ionosphere};
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Deserialize)]
@@ -52,6 +52,8 @@ pub(super) struct PhoneEntry {
     #[serde(default)]
     pub recorded_corrections: bool,
     pub date: Option<String>,
+    #[serde(default)]
+    pub exclude: Vec<Exclusion>,
 }
 
 /// All keys of all kinds; [`super::rules`] says which belong to which.

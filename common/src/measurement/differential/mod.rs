@@ -156,7 +156,7 @@ impl Differential {
     /// No base yet. Masks and models of the bases are those of the rover.
     pub fn new(products: Arc<Products>, correction: CorrectionOptions, options: DifferentialOptions) -> Self {
         Self {
-            corrector: Corrector::new(Arc::clone(&products), correction),
+            corrector: Corrector::new(Arc::clone(&products), correction.clone()),
             products,
             correction,
             options,
@@ -167,8 +167,7 @@ impl Differential {
 
     /// Goes on with other products; what was computed from the former ones is computed again.
     pub fn set_products(&mut self, products: Arc<Products>) {
-        self.skips.merge(&self.corrector.skips().with_prefix("base: "));
-        self.corrector = Corrector::new(Arc::clone(&products), self.correction);
+        self.corrector.set_products(Arc::clone(&products));
         self.products = products;
         for epoch in self.bases.iter_mut().flatten() {
             epoch.forget();
