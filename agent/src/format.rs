@@ -3,6 +3,7 @@
 use std::fmt;
 
 use cofix_common::text::content;
+use cofix_common::whu::is_spare_log_line;
 use serde::Serialize;
 
 use crate::kinds;
@@ -21,6 +22,8 @@ pub enum Format {
     Rtcm3,
     /// Table of the Smartphone Decimeter Challenge.
     ChallengeTable,
+    /// Phone log of the WHU-Smartphone dataset.
+    SpareLog,
 }
 
 impl fmt::Display for Format {
@@ -31,13 +34,14 @@ impl fmt::Display for Format {
             Self::GnssLogger => "GnssLogger text",
             Self::Rtcm3 => "RTCM 3",
             Self::ChallengeTable => "challenge table",
+            Self::SpareLog => "spare log",
         })
     }
 }
 
 /// All that is read, for messages.
-pub const READ_FORMATS: &str = "RINEX 2, 3 and 4 observations, Compact RINEX, GnssLogger text, RTCM 3 and challenge tables \
-                                (*_derived.csv, device_gnss.csv); files may be packed with gzip or compress (.Z)";
+pub const READ_FORMATS: &str = "RINEX 2, 3 and 4 observations, Compact RINEX, GnssLogger text, RTCM 3, challenge tables \
+                                (*_derived.csv, device_gnss.csv) and spare logs of WHU-Smartphone; files may be packed with gzip or compress (.Z)";
 
 /// A log may have this many lines before one tells what it is.
 const LINES_TO_RECOGNISE: usize = 100;
@@ -57,8 +61,15 @@ pub fn recognise_text(start: &[u8], ended: bool) -> Option<Format> {
     if let Some(format) = rinex(first).or_else(|| challenge_table(first)) {
         return Some(format);
     }
-    let is_log = is_log_line(first) || lines.take(LINES_TO_RECOGNISE - 1).any(is_log_line);
-    is_log.then_some(Format::GnssLogger)
+    std::iter::once(first).chain(lines).take(LINES_TO_RECOGNISE).find_map(phone_log)
+}
+
+/// The format of a phone's log that has such a line.
+fn phone_log(line: &[u8]) -> Option<Format> {
+    if is_log_line(line) {
+        return Some(Format::GnssLogger);
+    }
+    is_spare_log_line(line).then_some(Format::SpareLog)
 }
 
 fn rinex(first: &[u8]) -> Option<Format> {
@@ -138,6 +149,8 @@ mod tests {
             ("\r\n\u{feff}phoneName, millisSinceGpsEpoch,svid\n", Format::ChallengeTable),
             ("phoneName, millisSinceGpsEpoch,svid\n", Format::ChallengeTable),
             ("MessageType,ArrivalTimeNanosSinceGpsEpoch\n", Format::ChallengeTable),
+            ("current_Start_Timestamp:2020_08_13_22_19_00.000\n", Format::SpareLog),
+            ("\r\n{\"gga\":\"\",\"obsd_t\":{}}\r\n", Format::SpareLog),
         ] {
             assert_eq!(recognise_text(start.as_bytes(), false), Some(format), "{start}");
             let cut = &start.as_bytes()[..start.len() - 1];

@@ -13,6 +13,7 @@ use cofix_common::rinex::{
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions, StreamDates};
 use cofix_common::skips::Skips;
 use cofix_common::time::{GpsTime, SECONDS_PER_WEEK};
+use cofix_common::whu::SpareLogDecoder;
 
 use crate::format::{self, Format};
 use crate::phone::PhoneTally;
@@ -43,6 +44,7 @@ enum Kind {
     GnssLogger(Box<GnssLoggerDecoder>),
     Rtcm3(Box<RtcmDecoder>),
     ChallengeTable(Box<DerivedDecoder>),
+    SpareLog(Box<SpareLogDecoder>),
 }
 
 fn rtcm(near: GpsTime) -> RtcmDecoder {
@@ -91,6 +93,7 @@ impl StreamDecoder {
             Kind::GnssLogger(_) => Some(Format::GnssLogger),
             Kind::Rtcm3(_) => Some(Format::Rtcm3),
             Kind::ChallengeTable(_) => Some(Format::ChallengeTable),
+            Kind::SpareLog(_) => Some(Format::SpareLog),
         }
     }
 
@@ -222,6 +225,7 @@ impl StreamDecoder {
             Kind::GnssLogger(decoder) => decoder.as_mut(),
             Kind::Rtcm3(decoder) => decoder.as_mut(),
             Kind::ChallengeTable(decoder) => decoder.as_mut(),
+            Kind::SpareLog(decoder) => decoder.as_mut(),
         }
     }
 
@@ -246,6 +250,7 @@ impl StreamDecoder {
                 let decoder = DerivedDecoder::new(self.log.masks.clone());
                 Kind::ChallengeTable(Box::new(decoder.with_shift(self.log.shift_weeks)))
             }
+            Some(Format::SpareLog) => Kind::SpareLog(Box::default()),
             Some(Format::Rtcm3) | None if probe.frames() > 0 => Kind::Rtcm3(probe.clone()),
             Some(Format::Rtcm3) | None
                 if ended || start.len() >= BYTES_TO_RECOGNISE || format::is_packed(start) =>
@@ -300,6 +305,7 @@ impl Decoder for StreamDecoder {
             Kind::GnssLogger(decoder) => decoder.skips(),
             Kind::Rtcm3(decoder) => decoder.skips(),
             Kind::ChallengeTable(decoder) => decoder.skips(),
+            Kind::SpareLog(decoder) => decoder.skips(),
         }
     }
 }

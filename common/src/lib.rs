@@ -31,4 +31,5 @@ pub mod text;
 pub mod time;
 mod time_order;
 mod time_system;
+pub mod whu;
 pub mod wire;

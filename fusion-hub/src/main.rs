@@ -37,6 +37,9 @@ enum Command {
     Run {
         /// Session file: group, phones, constraints
         session: PathBuf,
+        /// Folder to which the session file's paths are relative [default: its own]
+        #[arg(long, value_name = "DIR")]
+        data: Option<PathBuf>,
         /// Zenoh endpoint to listen on; may be repeated
         #[arg(long, value_name = "ENDPOINT", default_value = "tcp/0.0.0.0:7447")]
         listen: Vec<String>,
@@ -53,6 +56,9 @@ enum Command {
     Replay {
         /// Session file with observations for every phone
         session: PathBuf,
+        /// Folder to which the session file's paths are relative [default: its own]
+        #[arg(long, value_name = "DIR")]
+        data: Option<PathBuf>,
         /// 'max', or times the recorded speed (1 = as recorded)
         #[arg(long, default_value = "max")]
         speed: Speed,
@@ -87,19 +93,19 @@ fn main() -> ExitCode {
 
 fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
     match command {
-        Command::Run { session: file, listen, until_finished, latency, outputs } => {
-            let session = Session::read(&file)?;
+        Command::Run { session: file, data, listen, until_finished, latency, outputs } => {
+            let session = Session::read_with_data(&file, data.as_deref())?;
             let read = live_inputs(&file, &session);
-            let report = outputs.prepare(&inputs(&file, &session), read, folder(&file))?;
+            let report = outputs.prepare(&inputs(&file, &session), read, folder(&file, data.as_deref()))?;
             let align = AlignOptions::with_latency(Duration::from_secs_f64(latency));
             let OutputArguments { recording, positions, overwrite, .. } = outputs;
             let options = LiveOptions { listen, recording, positions, overwrite, until_finished, align };
             conclude(live::run(&session, &options, stop)?, report)
         }
-        Command::Replay { session: file, speed, outputs } => {
-            let session = Session::read(&file)?;
+        Command::Replay { session: file, data, speed, outputs } => {
+            let session = Session::read_with_data(&file, data.as_deref())?;
             let inputs = inputs(&file, &session);
-            let report = outputs.prepare(&inputs, inputs.clone(), folder(&file))?;
+            let report = outputs.prepare(&inputs, inputs.clone(), folder(&file, data.as_deref()))?;
             let plan = Plan::from_session(&session)?;
             conclude(replay(&plan, &replay_options(outputs, speed), stop)?, report)
         }
@@ -117,7 +123,7 @@ fn replay_options(outputs: OutputArguments, speed: Speed) -> ReplayOptions {
     ReplayOptions { recording, positions, overwrite, speed, progress: true }
 }
 
-/// Where a session file lies.
-fn folder(file: &Path) -> &Path {
-    file.parent().unwrap_or(Path::new(""))
+/// The folder to which a session file's paths are relative.
+fn folder<'a>(file: &'a Path, data: Option<&'a Path>) -> &'a Path {
+    data.or(file.parent()).unwrap_or(Path::new(""))
 }

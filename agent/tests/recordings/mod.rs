@@ -138,6 +138,30 @@ pub fn table(count: i64) -> Recording {
     text("challenge table", header, count, epoch, &row(59, 3, 3, "GLO_G1", 20.1e6))
 }
 
+/// Two lines an epoch.
+pub fn spare_log(count: i64) -> Recording {
+    let epoch = |second: i64, signals: &[(u8, f64)]| {
+        let of_day = 51_540 + second;
+        let (hour, minute, sec) = (of_day / 3_600, of_day / 60 % 60, of_day % 60);
+        let signal = |(index, range_m): &(u8, f64)| {
+            format!(
+                "{{\"d\":-1200.0,\"l\":1.16E8,\"lli\":0,\"p\":{range_m:.3},\"prn\":{index},\"snr\":45.0,\"type\":\"L1C\",\"vd\":0.01,\
+                 \"vl\":0.1,\"vp\":1.5}}"
+            )
+        };
+        let signals: Vec<String> = signals.iter().map(signal).collect();
+        format!(
+            "current_Start_Timestamp:2020_08_13_{:02}_{minute:02}_{sec:02}.345\n{{\"gga\":\"\",\"imei\":\"0\",\"obsd_t\":{{\"d\":[{}],\
+             \"satnum\":{},\"t\":{{\"day\":13,\"hour\":{hour},\"minute\":{minute},\"month\":8,\"sec\":{sec}.0,\"year\":2020}}}}}}\n",
+            hour + 8,
+            signals.join(","),
+            signals.len(),
+        )
+    };
+    let header = "current_Start_Timestamp:2020_08_13_22_18_59.345\n";
+    text("spare log", header, count, |second| epoch(second, &RANGES_M), &epoch(59, &[(38, 20.1e6)]))
+}
+
 #[allow(clippy::cast_possible_truncation)] // a fraction of a second
 fn nanos(seconds: f64) -> i64 {
     (seconds * 1e9).round() as i64

@@ -6,4 +6,5 @@ mod truth;
 
 pub use score::{Accuracy, Solution, Spans, score};
 pub use shift::{TimeShift, time_shift};
+pub(crate) use truth::TableRow;
 pub use truth::{Truth, TruthError, TruthPoint};

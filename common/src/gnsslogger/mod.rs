@@ -16,7 +16,7 @@ mod epochs;
 mod fields;
 mod fix;
 mod leap;
-mod lines;
+pub(crate) mod lines;
 mod measure;
 mod names;
 mod nav;
