@@ -22,3 +22,4 @@ pub mod replay;
 pub mod report;
 pub mod scores;
 pub mod session;
+pub mod simulate;

@@ -9,12 +9,12 @@ use anyhow::bail;
 use clap::{Parser, Subcommand};
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
-use cofix_common::simulation::Scenario;
 use cofix_hub::align::AlignOptions;
 use cofix_hub::files::{Named, ReportFile, check_absent, check_outputs, inputs};
 use cofix_hub::live::{self, LiveOptions};
 use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
 use cofix_hub::session::Session;
+use cofix_hub::simulate::{self, simulate};
 
 /// Fuses the phones of a group in one constrained filter, publishes, records and scores.
 #[derive(Debug, Parser)]
@@ -55,7 +55,7 @@ enum Command {
         #[command(flatten)]
         outputs: OutputArguments,
     },
-    /// A simulated convoy of three phones, without any input
+    /// Six simulated phones in two cars in and around an urban canyon, without any input
     Demo {
         /// Where to record to
         #[arg(long, value_name = "FILE", default_value = "cofix-demo.rrd")]
@@ -64,6 +64,8 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         report: Option<PathBuf>,
     },
+    /// Write a simulated scenario as files: observations, navigation messages, truth, and a session to replay
+    Simulate(simulate::Arguments),
 }
 
 #[derive(Debug, clap::Args)]
@@ -130,10 +132,15 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
         Command::Demo { recording, report } => {
             let outputs = OutputArguments { recording: Some(recording), report };
             let report = outputs.prepare(&[])?;
-            let plan = cofix_hub::demo::plan(Scenario::default())?;
+            let plan = cofix_hub::demo::plan(cofix_hub::demo::scenario())?;
             let options =
                 ReplayOptions { recording: outputs.recording, speed: Speed::Maximum, progress: true };
             conclude(&replay(&plan, &options, stop)?, report)
+        }
+        Command::Simulate(arguments) => {
+            let session = simulate(&arguments, stop)?;
+            writeln!(std::io::stdout(), "Session: {}", session.display())?;
+            Ok(())
         }
     }
 }

@@ -2,6 +2,8 @@
 
 mod score;
 mod truth;
+mod truth_table;
 
 pub use score::{Accuracy, Solution, score};
 pub use truth::{Truth, TruthError, TruthPoint};
+pub use truth_table::{truth_csv_header, truth_csv_row};
