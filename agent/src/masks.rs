@@ -7,6 +7,9 @@ use cofix_common::gnsslogger::{self, BiasReference};
 use cofix_common::measurement::CorrectionOptions;
 use serde::{Deserialize, Serialize};
 
+/// Four times 1,024 weeks: a recording is not shifted by more.
+const MOST_SHIFT_WEEKS: i64 = 4_096;
+
 /// What is not used, of any format.
 #[derive(Args, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -43,6 +46,10 @@ pub struct LogOptions {
     /// Give carrier phases too that the phone does not call valid
     #[arg(long)]
     pub keep_invalid_phase: bool,
+    /// Weeks to add to the times of a recording, of RINEX and challenge tables too, whose week is wrong [1024 for one that was not
+    /// rolled over]
+    #[arg(long, value_name = "WEEKS", allow_negative_numbers = true)]
+    pub shift_weeks: Option<i64>,
     /// Which FullBiasNanos turns the phone's clock into GPS time [default: each-epoch]
     #[arg(long, value_name = "WHICH")]
     pub bias_reference: Option<Bias>,
@@ -92,7 +99,10 @@ impl LogOptions {
     /// # Errors
     /// A mask that makes no sense.
     pub fn with(&self, masks: &Masks) -> Result<gnsslogger::Options, MaskError> {
+        let limit = MOST_SHIFT_WEEKS as f64;
+        checked("weeks to shift", self.shift_weeks.map(|weeks| weeks as f64), -limit..=limit)?;
         let mut options = gnsslogger::Options {
+            shift_weeks: self.shift_weeks.unwrap_or(0),
             keep_invalid_phase: self.keep_invalid_phase,
             bias_reference: match self.bias_reference {
                 None | Some(Bias::EachEpoch) => BiasReference::EachEpoch,
@@ -154,6 +164,7 @@ mod tests {
             keep_untimed: true,
             keep_invalid_phase: true,
             bias_reference: Some(Bias::FirstEpoch),
+            shift_weeks: Some(1_024),
         };
         let log = log.with(&masks).unwrap();
         let limits = [
@@ -164,7 +175,7 @@ mod tests {
         ];
         assert!(limits.iter().zip([20.0, 100.0, 40.0, 1.0]).all(|(got, asked)| (got - asked).abs() < 1e-12));
         assert!(!log.masks.reject_multipath && log.keep_invalid_phase);
-        assert_eq!(log.bias_reference, BiasReference::FirstEpoch);
+        assert_eq!((log.bias_reference, log.shift_weeks), (BiasReference::FirstEpoch, 1_024));
         assert_ne!(log.masks.states, gnsslogger::Masks::default().states);
     }
 
@@ -178,6 +189,8 @@ mod tests {
             assert!(error.to_string().contains("must lie between"), "{error}");
         }
         let log = LogOptions { bias_uncertainty_ns: Some(-1.0), ..LogOptions::default() };
+        assert!(log.with(&Masks::default()).is_err());
+        let log = LogOptions { shift_weeks: Some(-5_000), ..LogOptions::default() };
         assert!(log.with(&Masks::default()).is_err());
     }
 }

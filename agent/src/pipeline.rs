@@ -5,11 +5,10 @@ use std::sync::Arc;
 use cofix_common::filter::{FilterOptions, JointFilter, Start};
 use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
-use cofix_common::gsdc::DerivedEpoch;
 use cofix_common::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim};
 use cofix_common::measurement::{
     CorrectedObservation, CorrectionOptions, Corrector, Differential, DifferentialCounts,
-    DifferentialOptions, PreparedObservation, StochasticModel, without_position,
+    DifferentialOptions, PreparedObservation, RecordedEpoch, StochasticModel, without_position,
 };
 use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
@@ -33,7 +32,8 @@ pub struct PipelineOptions {
     pub raim: RaimOptions,
     /// The local filter.
     pub filter: FilterOptions,
-    /// Whether a recording's own satellite states and delays are taken, where it has them, in place of those from products.
+    /// Whether a recording's own satellite states and delays are taken, where it has them, in place of those from products. If not,
+    /// they serve for satellites that no product knows.
     pub recorded_corrections: bool,
 }
 
@@ -115,19 +115,31 @@ impl PhonePipeline {
         self.process_prepared(epoch.time_gps, &prepared)
     }
 
-    /// Processes one epoch of a recording with satellite states and corrections of its own, which are taken if the options say so.
-    pub fn process_recorded(&mut self, epoch: &DerivedEpoch) -> EpochMessage {
-        let prepared = if self.options.recorded_corrections {
+    /// Processes one epoch of a recording that states more than observations: satellite states and corrections, which are taken
+    /// before those of products if the options say so, and GLONASS satellites known by their channel only.
+    pub fn process_recorded(&mut self, epoch: &RecordedEpoch) -> EpochMessage {
+        let mut prepared = if self.options.recorded_corrections {
             epoch.prepare(&mut self.corrector)
         } else {
             epoch.prepare_with_products(&mut self.corrector)
         };
+        if !epoch.by_channel.is_empty() {
+            let identified = self.identify(epoch, &prepared);
+            prepared.extend(self.corrector.prepare(&identified));
+        }
         self.process_prepared(epoch.time_gps, &prepared)
+    }
+
+    /// GLONASS satellites known by their channel, with the slots that their orbits tell, seen from the last position or else from
+    /// one without atmosphere.
+    fn identify(&mut self, epoch: &RecordedEpoch, prepared: &[PreparedObservation]) -> ObservationEpoch {
+        let position = self.position.unwrap_or_else(|| rough_position(prepared));
+        self.corrector.identify(&epoch.by_channel, prepared, position, epoch.time_gps)
     }
 
     /// Processes the epoch that `decoder` gave last, with what else it knows of it.
     pub fn process_last(&mut self, epoch: &ObservationEpoch, decoder: &StreamDecoder) -> EpochMessage {
-        match decoder.recorded_corrections() {
+        match decoder.recorded_epoch() {
             Some(recorded) => self.process_recorded(recorded),
             None => self.process(epoch),
         }

@@ -188,7 +188,8 @@ impl OwnNavigation {
         if !self.glonass_channels.is_empty() {
             Arc::make_mut(products).set_glonass_channels(&self.glonass_channels);
         }
-        if !self.is_empty() {
+        let terms = self.file.ionosphere;
+        if !self.is_empty() || terms.gps.is_some() || terms.beidou.is_some() {
             Arc::make_mut(products).add_navigation(self.file);
         }
     }
@@ -229,6 +230,11 @@ pub(crate) fn note_shortcomings(time_gps: GpsTime, is_first: bool, products: &Pr
         {
             skips.add(reason, || format!("{time_gps}; they cover {first} to {last}"));
         }
+    }
+    if is_first && let Some(weeks) = near(products).and_then(|near| time_gps.rollover_weeks_to(near)) {
+        skips.add("recording a multiple of 1,024 weeks from the orbits: its week is probably wrong", || {
+            format!("{time_gps}; shift_weeks = {weeks}, or --shift-weeks {weeks}")
+        });
     }
     if is_first
         && let Some(age_s) = products.group_delay_age_s(time_gps)

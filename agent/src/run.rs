@@ -142,8 +142,8 @@ impl<'a> Prepared<'a> {
             }
         } else {
             let survey = source::survey(&config.source, &reading, stop)?;
-            let states_its_own = config.pipeline.recorded_corrections && survey.has_corrections;
-            let others = states_its_own || !config.corrections.is_none();
+            let states_its_own = survey.has_corrections && config.pipeline.recorded_corrections;
+            let others = states_its_own || survey.has_phone_states || !config.corrections.is_none();
             if !has_orbits && survey.navigation.is_empty() && !others && !stop.is_requested() {
                 return Err(SourceError::NoProducts.into());
             }

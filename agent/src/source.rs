@@ -16,6 +16,7 @@ use cofix_common::rinex::leap_seconds_at;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
+use crate::format::Format;
 use crate::input::{LiveSource, Recorded};
 use crate::products::OwnNavigation;
 use crate::records::{Records, RecordsError};
@@ -58,9 +59,9 @@ pub enum SourceError {
     },
     /// There is no product at all.
     #[error(
-        "no orbits: name at least one SP3 or RINEX navigation file that has some (the observations carry no navigation messages \
-         either; a challenge table carries its own satellite states: --recorded-corrections, or recorded_corrections = true in a \
-         session)"
+        "no orbits: name at least one SP3 or RINEX navigation file that has some (the observations carry neither navigation \
+         messages nor states of satellites by the phone; a challenge table carries its own satellite states: \
+         --recorded-corrections, or recorded_corrections = true in a session)"
     )]
     NoProducts,
 }
@@ -90,6 +91,8 @@ pub struct Survey {
     pub navigation: OwnNavigation,
     /// Whether it has satellite states and corrections of its own.
     pub has_corrections: bool,
+    /// Whether these are the phone's own (GnssLogger text since 2022), and not those of who made a table.
+    pub has_phone_states: bool,
     /// What was skipped.
     pub skips: Skips,
 }
@@ -131,6 +134,10 @@ impl<'a> Opened<'a> {
     /// Whether the last record came with satellite states and corrections of its own.
     fn has_corrections(&self) -> bool {
         self.records().is_some_and(|records| records.decoder().recorded_corrections().is_some())
+    }
+
+    fn is_log(&self) -> bool {
+        self.records().is_some_and(|records| records.decoder().format() == Some(Format::GnssLogger))
     }
 
     /// The records of a stream, for what they know of it.
@@ -210,7 +217,9 @@ pub fn survey(source: &Source, reading: &Reading, stop: &Stop) -> Result<Survey,
     let mut survey = Survey::default();
     while let Some(record) = opened.next(stop)? {
         survey.epochs += u64::from(survey.navigation.take(record).is_some());
-        survey.has_corrections |= opened.has_corrections();
+        let has_corrections = opened.has_corrections();
+        survey.has_corrections |= has_corrections;
+        survey.has_phone_states |= has_corrections && opened.is_log();
     }
     if let Some(records) = opened.records() {
         survey.navigation.take_terms(records.decoder());

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use cofix_common::decode::{Decoder, Record, WrongStream};
 use cofix_common::frames::Ecef;
 use cofix_common::gnsslogger::{self, GnssLoggerDecoder};
-use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch};
+use cofix_common::gsdc::DerivedDecoder;
+use cofix_common::measurement::RecordedEpoch;
 use cofix_common::rinex::{IonosphereTerms, ObservationDecoder, ObservationHeader, leap_seconds_at};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
-use cofix_common::time::GpsTime;
+use cofix_common::time::{GpsTime, SECONDS_PER_WEEK};
 
 use crate::format::{self, Format};
 use crate::phone::PhoneTally;
@@ -85,19 +86,26 @@ impl StreamDecoder {
     }
 
     /// Ionosphere terms that the stream itself carries.
-    pub const fn ionosphere(&self) -> IonosphereTerms {
+    pub fn ionosphere(&self) -> IonosphereTerms {
         match &self.kind {
             Kind::GnssLogger(decoder) => decoder.ionosphere(),
             _ => IonosphereTerms { gps: None, beidou: None, galileo: None },
         }
     }
 
-    /// The epoch of the last record with satellite states and corrections of its own, which challenge tables have.
-    pub fn recorded_corrections(&self) -> Option<&DerivedEpoch> {
+    /// The epoch of the last record with what the stream states beyond observations, if it does: satellite states and
+    /// corrections (challenge tables, GnssLogger text since 2022), GLONASS satellites known by their channel only.
+    pub const fn recorded_epoch(&self) -> Option<&RecordedEpoch> {
         match &self.kind {
-            Kind::ChallengeTable(decoder) => decoder.last_epoch().filter(|epoch| epoch.has_corrections()),
+            Kind::ChallengeTable(decoder) => decoder.last_epoch(),
+            Kind::GnssLogger(decoder) => decoder.last_recorded(),
             _ => None,
         }
+    }
+
+    /// The same where it has satellite states and corrections of its own.
+    pub fn recorded_corrections(&self) -> Option<&RecordedEpoch> {
+        self.recorded_epoch().filter(|epoch| epoch.has_corrections())
     }
 
     /// Seconds that GPS time is ahead of UTC by the stream itself.
@@ -194,7 +202,8 @@ impl StreamDecoder {
             Some(format @ (Format::Rinex | Format::CompactRinex)) => Kind::Rinex(format, Box::default()),
             Some(Format::GnssLogger) => Kind::GnssLogger(Box::new(GnssLoggerDecoder::new(self.log.clone()))),
             Some(Format::ChallengeTable) => {
-                Kind::ChallengeTable(Box::new(DerivedDecoder::new(self.log.masks.clone())))
+                let decoder = DerivedDecoder::new(self.log.masks.clone());
+                Kind::ChallengeTable(Box::new(decoder.with_shift(self.log.shift_weeks)))
             }
             Some(Format::Rtcm3) | None if probe.frames() > 0 => Kind::Rtcm3(probe.clone()),
             Some(Format::Rtcm3) | None
@@ -232,10 +241,15 @@ impl Decoder for StreamDecoder {
     }
 
     fn next_record(&mut self) -> Option<Record> {
-        match &self.kind {
-            Kind::Open { .. } => None,
-            _ => self.decoder().next_record(),
+        if matches!(self.kind, Kind::Open { .. }) {
+            return None;
         }
+        let mut record = self.decoder().next_record()?;
+        // The other formats take the weeks into account themselves; RTCM 3 has none.
+        if let (Record::Epoch(epoch), Kind::Rinex(..)) = (&mut record, &self.kind) {
+            epoch.time_gps = epoch.time_gps + self.log.shift_weeks as f64 * SECONDS_PER_WEEK;
+        }
+        Some(record)
     }
 
     fn skips(&self) -> &Skips {

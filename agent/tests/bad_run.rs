@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
 mod hub_support;
+mod limits;
 mod recordings;
 
 use std::sync::Arc;
@@ -66,7 +67,11 @@ fn the_command_line_names_what_was_skipped() {
         let output = |arguments: &[&str]| {
             let program = env!("CARGO_BIN_EXE_cofix-agent");
             let mut command = Command::new(program);
-            command.current_dir(folder.path()).args(arguments).args(["--date", "2020-08-13T14:00:00"]);
+            command
+                .timeout(limits::LIMIT)
+                .current_dir(folder.path())
+                .args(arguments)
+                .args(["--date", "2020-08-13T14:00:00"]);
             let output = command.assert().success().get_output().clone();
             String::from_utf8([output.stdout, output.stderr].concat()).unwrap()
         };

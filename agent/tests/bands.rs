@@ -17,7 +17,7 @@ use cofix_common::gnss::ObservationEpoch;
 use cofix_common::measurement::{CorrectionOptions, Ionosphere};
 use cofix_common::orbit::Products;
 
-fn data(path: &str) -> Option<PathBuf> {
+fn data(path: &str) -> PathBuf {
     beside::file(&format!("data/{path}"))
 }
 
@@ -98,13 +98,11 @@ fn cell(accuracy: Option<&Accuracy>) -> String {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn a_table_of_bands() {
     let folder = "whu-wuhan-2020-08-13";
-    let (Some(sp3), Some(navigation)) =
-        (data(&format!("{folder}/orbits.sp3")), data("ESBC00DNK_R_20201770000_01D_MN.rnx.gz"))
-    else {
-        return;
-    };
+    let (sp3, navigation) =
+        (data(&format!("{folder}/orbits.sp3")), data("ESBC00DNK_R_20201770000_01D_MN.rnx.gz"));
     let source = ProductSource::Files(ProductFiles {
         sp3: vec![sp3],
         navigation: vec![navigation],
@@ -114,9 +112,8 @@ fn a_table_of_bands() {
     println!("| drive | phone | signals | per epoch | wls p50 / p95, up (epochs) | local |");
     for session in ["WH-3-08", "WH-3-09", "WH-4-06"] {
         for phone in ["HP30", "XIM8"] {
-            let observations = data(&format!("{folder}/{session}/{phone}.rnx")).unwrap();
-            let truth =
-                std::fs::read(data(&format!("{folder}/{session}/{phone}.truth.csv")).unwrap()).unwrap();
+            let observations = data(&format!("{folder}/{session}/{phone}.rnx"));
+            let truth = std::fs::read(data(&format!("{folder}/{session}/{phone}.truth.csv"))).unwrap();
             let (truth, _) = Truth::parse_csv(&truth).unwrap();
             let drive = Drive { observations, truth, products: Arc::clone(&products) };
             let mut local_p50_m = Vec::new();

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
+mod limits;
+
 use std::path::Path;
 
 use assert_cmd::Command;
@@ -28,6 +30,7 @@ const TABLE: &str = "millisSinceGpsEpoch,constellationType,svid,signalType,recei
 
 fn agent(folder: &Path, observations: &str, products: &[&str]) -> assert_cmd::assert::Assert {
     Command::new(env!("CARGO_BIN_EXE_cofix-agent"))
+        .timeout(limits::LIMIT)
         .current_dir(folder)
         .args([
             "--group",
@@ -151,7 +154,11 @@ fn wrong_arguments_are_refused() {
 
 /// Runs the agent on arguments of its own.
 fn command(folder: &Path, arguments: &[&str]) -> assert_cmd::assert::Assert {
-    Command::new(env!("CARGO_BIN_EXE_cofix-agent")).current_dir(folder).args(arguments).assert()
+    Command::new(env!("CARGO_BIN_EXE_cofix-agent"))
+        .current_dir(folder)
+        .args(arguments)
+        .timeout(limits::LIMIT)
+        .assert()
 }
 
 #[test]

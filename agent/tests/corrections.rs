@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
 mod hub_support;
+mod limits;
 
 use std::io::{Read, Write};
 use std::net::TcpListener;
@@ -110,10 +111,10 @@ fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
 }
 
 /// A caster with one connection, on which it sends `body` in chunks and then nothing until the client goes; it hands back what it heard.
-fn caster(body: String) -> (String, std::thread::JoinHandle<String>) {
+fn caster(body: String) -> (String, limits::Running<String>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let thread = std::thread::spawn(move || {
+    let thread = limits::spawn(move || {
         let (mut connection, _) = listener.accept().unwrap();
         let mut heard = Vec::new();
         let mut byte = [0];
@@ -185,7 +186,7 @@ fn a_base_without_a_position_and_a_caster_that_refuses_are_told() {
     let path = write(folder.path(), "base.rnx", &world.base_rinex(None));
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
-    let refusing = std::thread::spawn(move || {
+    let refusing = limits::spawn(move || {
         let mut connection = listener.accept().unwrap().0;
         let mut request = [0; 1_000];
         let _ = connection.read(&mut request).unwrap();
@@ -252,7 +253,7 @@ fn ephemerides_of_a_server_are_enough_for_positions() {
     let stream: Vec<u8> = world.ephemerides.iter().filter(is_gps).flat_map(message_1019).collect();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let serving = std::thread::spawn(move || listener.accept().unwrap().0.write_all(&stream).unwrap());
+    let serving = limits::spawn(move || listener.accept().unwrap().0.write_all(&stream).unwrap());
     let millisecond = Duration::from_millis(1);
     let backoff =
         Backoff { first: millisecond, longest: millisecond, attempts: 1, silence: Duration::from_hours(1) };

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
+mod limits;
 mod recordings;
 
 use std::io::{Cursor, Write};
@@ -68,7 +69,7 @@ fn a_file_is_followed_as_it_grows_in_odd_portions() {
     let (text, end) = (file(0..9), stop.clone());
     // An epoch is complete when its satellites are: the writer may go on when the reader has it.
     let (seen, turn) = std::sync::mpsc::channel::<()>();
-    let writer = std::thread::spawn(move || {
+    let writer = limits::spawn(move || {
         for portion in text.as_bytes().chunks(37) {
             append(&path, portion);
         }
@@ -192,10 +193,10 @@ fn quick(attempts: u32) -> Backoff {
 }
 
 /// A server that sends each of `portions` to one connection and drops it. The last connection ends when it is told.
-fn server(portions: Vec<Vec<u8>>) -> (String, std::thread::JoinHandle<()>) {
+fn server(portions: Vec<Vec<u8>>) -> (String, limits::Running<()>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let serving = std::thread::spawn(move || {
+    let serving = limits::spawn(move || {
         for portion in portions {
             let (mut connection, _): (TcpStream, _) = listener.accept().unwrap();
             connection.write_all(&portion).unwrap();
@@ -252,7 +253,7 @@ fn a_request_to_stop_ends_the_attempts() {
     assert_eq!(next(&mut records, &stop).unwrap().time_gps, time(0));
     serving.join().unwrap();
     let other = stop.clone();
-    let asked = std::thread::spawn(move || other.request());
+    let asked = limits::spawn(move || other.request());
     assert!(next(&mut records, &stop).is_none());
     asked.join().unwrap();
 }

@@ -1,6 +1,9 @@
 //! What a phone says of itself, in an inspection.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+#[path = "../../common/tests/beside/mod.rs"]
+mod beside;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -133,12 +136,9 @@ fn the_phone_s_directions_are_held_against_the_orbits() {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn a_pixel_s_own_positions() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/pixel6-2023/pixel6.txt");
-    if !path.is_file() {
-        println!("skipped: {} is not here", path.display());
-        return;
-    }
+    let path = beside::file("data/pixel6-2023/pixel6.txt");
     let inspection = run(&path, &InspectOptions::default());
     println!("{inspection}");
     let PhoneReport { fixes, status } = inspection.phone.unwrap();

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
 mod hub_support;
+mod limits;
 mod recordings;
 
 use std::io::Write;
@@ -61,7 +62,7 @@ fn a_growing_file_is_published_as_it_grows_until_a_stop() {
     let config = config(&hub, LiveSource::Follow(path.clone()));
     let asked = Stop::default();
     let stop = asked.clone();
-    let agent = std::thread::spawn(move || run(&config, &stop));
+    let agent = limits::spawn(move || run(&config, &stop));
     receive(&hub, 0..2);
     let mut file = std::fs::OpenOptions::new().append(true).open(&path).unwrap();
     file.write_all((epoch(3) + &epoch(4)).as_bytes()).unwrap();
@@ -82,7 +83,7 @@ fn a_request_to_stop_leaves_no_epoch_behind() {
     let config = config(&hub, LiveSource::Follow(path));
     let asked = Stop::default();
     let stop = asked.clone();
-    let agent = std::thread::spawn(move || run(&config, &stop));
+    let agent = limits::spawn(move || run(&config, &stop));
     receive(&hub, 0..4);
     asked.request();
     let report = agent.join().unwrap().unwrap();
@@ -94,7 +95,7 @@ fn a_request_to_stop_leaves_no_epoch_behind() {
 fn a_server_that_drops_the_connection_costs_no_later_epoch() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let serving = std::thread::spawn(move || {
+    let serving = limits::spawn(move || {
         let mut first = listener.accept().unwrap().0;
         first.write_all((HEADER.to_owned() + &epoch(1) + &epoch(2)).as_bytes()).unwrap();
         drop(first);

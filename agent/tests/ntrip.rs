@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
 mod caster;
+mod limits;
 mod recordings;
 
 use std::io::{Read, Write};
@@ -124,7 +125,7 @@ fn a_stream_cut_in_the_middle_of_a_frame_goes_on_with_the_next() {
 fn a_caster_hears_where_the_rover_is() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let serving = std::thread::spawn(move || {
+    let serving = limits::spawn(move || {
         let (mut connection, _) = listener.accept().unwrap();
         let request = read_head(&mut connection);
         connection.write_all(&head("ICY 200 OK")).unwrap();
@@ -140,7 +141,7 @@ fn a_caster_hears_where_the_rover_is() {
     });
     let rover = RoverPosition::default();
     rover.set(Geodetic::from_degrees(-35.5, -0.25, 12.0).geodetic_to_ecef());
-    let caster = TestCaster { address, thread: std::thread::spawn(Vec::new) };
+    let caster = TestCaster { address, thread: limits::spawn(Vec::new) };
     let mut records = caster.records(&rover, 1);
     exhaust(&mut records).unwrap();
     assert_eq!(records.skips().count(NOT_READ), 1);
@@ -187,6 +188,7 @@ fn the_command_lists_a_casters_streams() {
     let caster = TestCaster::start(vec![vec![format!("SOURCETABLE 200 OK\r\n{TABLE}").into_bytes()]]);
     let assert = assert_cmd::Command::new(env!("CARGO_BIN_EXE_cofix-agent"))
         .args(["sourcetable", &format!("ntrip://{}", caster.address)])
+        .timeout(limits::LIMIT)
         .assert()
         .success();
     let text = String::from_utf8(assert.get_output().stdout.clone()).unwrap();

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
 mod caster;
+mod limits;
 mod recordings;
 
 use std::io::Write;
@@ -156,7 +157,7 @@ fn a_caster_in_the_clear_behind_ntrips_is_noticed() {
     ] {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
-        let thread = std::thread::spawn(move || {
+        let thread = limits::spawn(move || {
             let (mut connection, _) = listener.accept().unwrap();
             let mut first = [0; 5];
             std::io::Read::read_exact(&mut connection, &mut first).unwrap();
@@ -192,10 +193,10 @@ fn a_caster_in_tls_behind_ntrip_is_noticed() {
 fn a_request_to_stop_ends_a_handshake() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let caster = TestCaster { address, thread: std::thread::spawn(Vec::new) };
+    let caster = TestCaster { address, thread: limits::spawn(Vec::new) };
     let stop = Stop::default();
     let asked = stop.clone();
-    let asking = std::thread::spawn(move || {
+    let asking = limits::spawn(move || {
         let connection = listener.accept().unwrap();
         asked.request();
         connection
@@ -221,7 +222,10 @@ fn sourcetables_come_in_tls_too() {
 }
 
 fn command(arguments: &[&str]) -> assert_cmd::assert::Assert {
-    assert_cmd::Command::new(env!("CARGO_BIN_EXE_cofix-agent")).args(arguments).assert()
+    assert_cmd::Command::new(env!("CARGO_BIN_EXE_cofix-agent"))
+        .args(arguments)
+        .timeout(limits::LIMIT)
+        .assert()
 }
 
 fn text(path: &Path) -> &str {

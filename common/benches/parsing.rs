@@ -4,6 +4,8 @@
 //! files, biases and ionosphere maps are made up.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+#[path = "../tests/beside/mod.rs"]
+mod beside;
 #[path = "../tests/hatanaka_encoder/mod.rs"]
 mod hatanaka_encoder;
 
@@ -18,8 +20,6 @@ use cofix_common::rinex::{NavigationFile, ObservationFile, decompress};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::time::GpsTime;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-
-const SHARED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared");
 
 /// A format, a recording of it, and how it is read; what comes out is a number that cannot be left out.
 type Case = (&'static str, &'static str, fn(&[u8]) -> usize);
@@ -143,8 +143,9 @@ fn parsing(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("parsing");
     group.sample_size(20);
     for (name, path, read) in CASES {
-        let Ok(packed) = std::fs::read(format!("{SHARED}/{path}")) else {
-            println!("{name}: left out, {path} is not here");
+        let path = beside::path(path);
+        let Ok(packed) = std::fs::read(&path) else {
+            println!("{name}: left out, {} is missing", path.display());
             continue;
         };
         let bytes = decompress(&packed).unwrap();

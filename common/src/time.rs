@@ -11,6 +11,8 @@ use serde::{Deserialize, Serialize};
 
 /// Seconds in a GPS week.
 pub const SECONDS_PER_WEEK: f64 = 604_800.0;
+/// GPS messages count weeks modulo this (IS-GPS-200, 20.3.3.3.1.1); a receiver that takes no care is off by it, or twice.
+pub const WEEKS_PER_ROLLOVER: i64 = 1_024;
 /// BeiDou time is 14 s behind GPS time (BDS-SIS-ICD, 3.3).
 pub const BEIDOU_BEHIND_GPS_S: f64 = 14.0;
 /// BeiDou week 0 is GPS week 1356.
@@ -117,6 +119,18 @@ impl GpsTime {
     /// Full GPS week number, without rollover.
     pub const fn week(self) -> i64 {
         self.nanos.div_euclid(7 * SECONDS_PER_DAY * NANOS_PER_SECOND)
+    }
+
+    /// Weeks to add to this time, a multiple of 1,024 and not 0, to come to within ten days of `other`: a receiver's week is then
+    /// probably not rolled over. `None` if there is no such number.
+    pub fn rollover_weeks_to(self, other: Self) -> Option<i64> {
+        const NEAR_S: f64 = 10.0 * 86_400.0;
+        let rollover_s = WEEKS_PER_ROLLOVER as f64 * SECONDS_PER_WEEK;
+        let difference_s = other - self;
+        let times = (difference_s / rollover_s).round();
+        #[allow(clippy::cast_possible_truncation)] // 64 bits of nanoseconds have room for 30 rollovers
+        let weeks = times as i64 * WEEKS_PER_ROLLOVER;
+        (weeks != 0 && (difference_s - times * rollover_s).abs() <= NEAR_S).then_some(weeks)
     }
 
     /// Seconds into the GPS week, in [0, 604800).
@@ -261,6 +275,18 @@ mod tests {
 
     fn calendar(year: i32, month: u32, day: u32, hour: u32, minute: u32, second: f64) -> GpsTime {
         GpsTime::from_calendar(Calendar { year, month, day, hour, minute, second }).unwrap()
+    }
+
+    #[test]
+    fn weeks_that_were_not_rolled_over_are_recognised() {
+        let weeks =
+            |from: &str, to: &str| from.parse::<GpsTime>().unwrap().rollover_weeks_to(to.parse().unwrap());
+        assert_eq!(weeks("2000-11-09T12:10:00", "2020-06-25T12:10:00"), Some(1_024));
+        assert_eq!(weeks("2000-11-09T12:10:00", "2020-06-20T00:00:00"), Some(1_024));
+        assert_eq!(weeks("2020-06-25T12:10:00", "2000-11-09T12:10:00"), Some(-1_024));
+        assert_eq!(weeks("1981-03-26T12:10:00", "2020-06-25T12:10:00"), Some(2_048));
+        assert_eq!(weeks("2020-06-25T12:10:00", "2020-06-25T12:10:00"), None);
+        assert_eq!(weeks("2000-11-09T12:10:00", "2020-08-25T12:10:00"), None);
     }
 
     #[test]

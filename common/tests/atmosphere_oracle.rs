@@ -7,8 +7,9 @@ use cofix_common::frames::{Direction, Geodetic};
 use cofix_common::time::GpsTime;
 
 #[test]
+#[ignore = "needs the reference data"]
 fn klobuchar_grid() {
-    let Some(rows) = oracle::rows("sat/klobuchar_grid.csv") else { return };
+    let rows = oracle::rows("sat/klobuchar_grid.csv");
     assert!(rows.len() > 2_000, "{}", rows.len());
     for row in rows {
         let four = |from: usize| [row[from], row[from + 1], row[from + 2], row[from + 3]];
@@ -22,8 +23,9 @@ fn klobuchar_grid() {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn saastamoinen_grid() {
-    let Some(rows) = oracle::rows("sat/saastamoinen_nmf_grid.csv") else { return };
+    let rows = oracle::rows("sat/saastamoinen_nmf_grid.csv");
     assert!(rows.len() > 1_600, "{}", rows.len());
     for row in rows {
         let receiver = Geodetic::from_degrees(row[1], 0.0, row[2]);

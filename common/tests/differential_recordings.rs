@@ -6,7 +6,7 @@ mod beside;
 
 use std::sync::Arc;
 
-use beside::shared;
+use beside::{pixel4_table, required};
 use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
 use cofix_common::gnss::{Constellation, ObservationEpoch};
 use cofix_common::measurement::{
@@ -18,13 +18,13 @@ use cofix_common::rinex::{NavigationFile, ObservationFile};
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
 
-fn observations(path: &str) -> Option<Vec<ObservationEpoch>> {
-    Some(ObservationFile::parse(&shared(path)?).unwrap().epochs)
+fn observations(path: &str) -> Vec<ObservationEpoch> {
+    ObservationFile::parse(&required(path)).unwrap().epochs
 }
 
-fn products(path: &str) -> Option<Arc<Products>> {
-    let file = NavigationFile::parse(&shared(path)?).unwrap();
-    Some(Arc::new(Products::new(Vec::new(), vec![file])))
+fn products(path: &str) -> Arc<Products> {
+    let file = NavigationFile::parse(&required(path)).unwrap();
+    Arc::new(Products::new(Vec::new(), vec![file]))
 }
 
 /// A rover's session beside a base.
@@ -143,34 +143,35 @@ const L1: [(Constellation, u8); 4] = [
 ];
 
 /// A static pair, a few metres apart.
-fn mat() -> Option<(Session, Ecef)> {
+fn mat() -> (Session, Ecef) {
     let session = Session {
-        products: products("oracle/inputs/mat_base.nav.gz")?,
-        rover: observations("oracle/inputs/mat_rover.obs.gz")?,
-        base: observations("oracle/inputs/mat_base.obs.gz")?,
+        products: products("oracle/inputs/mat_base.nav.gz"),
+        rover: observations("oracle/inputs/mat_rover.obs.gz"),
+        base: observations("oracle/inputs/mat_base.obs.gz"),
         base_position: Ecef::new(-3_817_681.121_3, 3_562_839.431_1, 3_650_159.159_3),
         correction: Session::mask(15.0),
         latency_s: 0.0,
     };
     let truth = Geodetic::from_degrees(35.134_699_01, 136.977_575_49, 104.862_6).geodetic_to_ecef();
-    Some((session, truth))
+    (session, truth)
 }
 
 /// What the reference (RTKLIB, code differences with a filter over time) reached.
-fn reference(path: &str, truth: Ecef) -> Option<Errors> {
-    let text = String::from_utf8(shared(path)?).unwrap();
+fn reference(path: &str, truth: Ecef) -> Errors {
+    let text = String::from_utf8(required(path)).unwrap();
     let mut solved = Solved::default();
     for line in text.lines().filter(|line| !line.starts_with('%')) {
         let fields: Vec<f64> = line.split_whitespace().map(|field| field.parse().unwrap()).collect();
         let time = GpsTime::from_week_tow(2320, fields[1]);
         solved.positions.push((time, Ecef::new(fields[2], fields[3], fields[4])));
     }
-    Some(errors("    reference", &solved, |_| Some(truth)))
+    errors("    reference", &solved, |_| Some(truth))
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn a_pair_of_receivers() {
-    let Some((session, truth)) = mat() else { return };
+    let (session, truth) = mat();
     let session = session.keep(&L1);
     let plain = errors("mat, plain", &session.solve(None), |_| Some(truth));
     let solved = session.solve(Some(DifferentialOptions::default()));
@@ -179,15 +180,16 @@ fn a_pair_of_receivers() {
     assert!(with.horizontal.0 < 0.3 && with.horizontal.1 < 0.5, "{with:?}");
     assert!(with.vertical.0 < 0.35 && with.vertical.1 < 0.85, "{with:?}");
     assert!(with.horizontal.0 < 0.1 * plain.horizontal.0 && with.vertical.0 < 0.2 * plain.vertical.0);
-    let Some(reference) = reference("oracle/pos/mat__ex__dgps_GREC_el15.pos", truth) else { return };
+    let reference = reference("oracle/pos/mat__ex__dgps_GREC_el15.pos", truth);
     // It has a filter over time.
     assert!(with.horizontal.1 < 2.0 * reference.horizontal.1 && with.vertical.1 < 1.1 * reference.vertical.1);
 }
 
 /// A base that tracks GPS only: what the others do beside it.
 #[test]
+#[ignore = "needs the reference data"]
 fn a_base_that_lacks_systems() {
-    let Some((mut session, truth)) = mat() else { return };
+    let (mut session, truth) = mat();
     session = session.keep(&L1);
     for epoch in &mut session.base {
         epoch.observations.retain(|o| o.satellite.constellation == Constellation::Gps);
@@ -211,22 +213,18 @@ fn a_base_that_lacks_systems() {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn a_base_of_thirty_seconds() {
-    let (Some(products), Some(rover), Some(base)) = (
-        products("oracle/inputs/07590920.05n"),
-        observations("oracle/inputs/07590920.05o"),
-        observations("oracle/inputs/30400920.05o"),
-    ) else {
-        return;
-    };
+    let products = products("oracle/inputs/07590920.05n");
+    let rover = observations("oracle/inputs/07590920.05o");
+    let base = observations("oracle/inputs/30400920.05o");
     let base_position = Ecef::new(-3_978_241.958, 3_382_840.234, 3_649_900.853);
     let session =
         Session { products, rover, base, base_position, correction: Session::mask(15.0), latency_s: 0.0 }
             .keep(&L1);
     // The carrier-phase solution of the reference stands for the truth.
     let text =
-        String::from_utf8(shared("oracle/pos/rtk05__ex__rtk_kinematic_G_l1_el15_continuous.pos").unwrap())
-            .unwrap();
+        String::from_utf8(required("oracle/pos/rtk05__ex__rtk_kinematic_G_l1_el15_continuous.pos")).unwrap();
     let fixed: Vec<Ecef> = text
         .lines()
         .filter(|line| !line.starts_with('%'))
@@ -249,24 +247,20 @@ fn a_base_of_thirty_seconds() {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn a_phone_and_a_base_at_some_distance() {
-    use cofix_common::gsdc::{DerivedEpoch, DerivedFile, ground_truth};
+    use cofix_common::gsdc::{DerivedFile, ground_truth};
+    use cofix_common::measurement::RecordedEpoch;
     let folder = "data/gsdc-2020-05-14-mtv1";
-    let (Some(products), Some(base), Some(truth)) = (
-        products(&format!("{folder}/hour1350.20n")),
-        observations(&format!("{folder}/slac1350.obs")),
-        shared(&format!("{folder}/Pixel4_ground_truth.csv")),
-    ) else {
-        return;
-    };
-    let mut table = Vec::new();
-    for part in 0..18 {
-        let bytes = shared(&format!("{folder}/Pixel4_processed/{part}.csv")).unwrap();
-        let header = if part == 0 { 0 } else { bytes.iter().position(|b| *b == b'\n').unwrap() + 1 };
-        table.extend_from_slice(&bytes[header..]);
-    }
-    let rover =
-        DerivedFile::parse(&table).unwrap().epochs.iter().map(DerivedEpoch::to_observations).collect();
+    let products = products(&format!("{folder}/hour1350.20n"));
+    let base = observations(&format!("{folder}/slac1350.obs"));
+    let truth = required(&format!("{folder}/Pixel4_ground_truth.csv"));
+    let rover = DerivedFile::parse(&pixel4_table())
+        .unwrap()
+        .epochs
+        .iter()
+        .map(RecordedEpoch::to_observations)
+        .collect();
     let (truth, _) = ground_truth(&truth).unwrap();
     let at = |time: GpsTime| truth.at(time, &[1]).map(|point| point.position);
     let mut session = Session {

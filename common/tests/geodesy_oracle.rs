@@ -5,8 +5,9 @@ mod oracle;
 use cofix_common::frames::{Ecef, EcefVector, Geodetic, LocalFrame};
 
 #[test]
+#[ignore = "needs the reference data"]
 fn geodetic_earth_fixed_and_local() {
-    let Some(rows) = oracle::rows("geodesy_llh_ecef_enu.csv") else { return };
+    let rows = oracle::rows("geodesy_llh_ecef_enu.csv");
     assert!(rows.len() >= 350, "{}", rows.len());
     for row in rows {
         let geodetic = Geodetic::from_degrees(row[0], row[1], row[2]);

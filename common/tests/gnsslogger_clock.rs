@@ -161,6 +161,7 @@ fn a_hundred_milliseconds_bear_a_clock_that_is_off() {
 
 /// Believing times that no bit vouches for does not make a time modulo 100 ms one of the week.
 #[test]
+#[ignore = "needs the reference data"]
 fn untimed_signals_cost_no_others() {
     let line = galileo(at("2023-11-07T12:00:00.3"), 7_000 * SECOND_NS, 80_000_000);
     let second_code = state::GAL_E1BC_CODE_LOCK | state::GAL_E1C_2ND_CODE_LOCK;
@@ -175,15 +176,15 @@ fn untimed_signals_cost_no_others() {
         assert_eq!(epochs[0].observations[0].pseudorange_m, Some(metres(80_000_000)), "{line:?}");
     }
     let path = "data/google-static-2016/pseudoranges_log_2016_08_22_14_45_50.txt";
-    let Some(log) = beside::shared(path) else { return };
+    let log = beside::required(path);
     let signals = |options: Options, system| {
         let (epochs, _) = decode_bytes(&log, options);
         let all = epochs.iter().flat_map(|epoch| &epoch.observations);
         all.filter(|o| o.satellite.constellation == system).count()
     };
-    // 282 lines of Galileo know their time modulo 100 ms only.
+    // 282 lines of Galileo know their time modulo 100 ms only, 311 of GPS modulo 6 s.
     for (system, vouched) in
-        [(Constellation::Gps, 2_055), (Constellation::Galileo, 352), (Constellation::Beidou, 204)]
+        [(Constellation::Gps, 2_366), (Constellation::Galileo, 352), (Constellation::Beidou, 204)]
     {
         let loose = Options { masks: Masks::none(), ..Options::default() };
         assert_eq!(signals(loose.clone(), system), vouched, "{system:?}");

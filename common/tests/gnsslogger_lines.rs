@@ -2,158 +2,20 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod broadcast_words;
+mod log_lines;
 
 use broadcast_words::PRN4;
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::decode::{Decoder, Record};
-use cofix_common::gnss::{Observation, ObservationEpoch};
 use cofix_common::gnsslogger::{
-    FixProvider, GnssLoggerDecoder, Masks, Options, StateRule, StateRules, state,
+    FixProvider, GnssLoggerDecoder, Masks, ModularTime, Options, StateRule, StateRules, state,
 };
-use cofix_common::orbit::KeplerEphemeris;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
+use log_lines::{
+    DAY_NS, HEADER, Line, TRAVEL_NS, WEEK_NS, decode, decode_with, gps, log, metres, only, refusal,
+};
 use proptest::prelude::*;
-
-const HEADER: &str = "# Raw,utcTimeMillis,TimeNanos,LeapSecond,TimeUncertaintyNanos,FullBiasNanos,BiasNanos,\
-BiasUncertaintyNanos,DriftNanosPerSecond,DriftUncertaintyNanosPerSecond,HardwareClockDiscontinuityCount,Svid,\
-TimeOffsetNanos,State,ReceivedSvTimeNanos,ReceivedSvTimeUncertaintyNanos,Cn0DbHz,PseudorangeRateMetersPerSecond,\
-PseudorangeRateUncertaintyMetersPerSecond,AccumulatedDeltaRangeState,AccumulatedDeltaRangeMeters,\
-AccumulatedDeltaRangeUncertaintyMeters,CarrierFrequencyHz,CarrierCycles,CarrierPhase,CarrierPhaseUncertainty,\
-MultipathIndicator,SnrInDb,ConstellationType,AgcDb,CodeType";
-
-const WEEK_NS: i64 = 604_800_000_000_000;
-const DAY_NS: i64 = 86_400_000_000_000;
-const TRAVEL_NS: i64 = 81_234_567;
-
-/// A `Raw` line with sound values; tests change what they are about.
-#[derive(Clone, Debug)]
-struct Line {
-    time_ns: i64,
-    gps_ns: i64,
-    bias: &'static str,
-    bias_uncertainty: f64,
-    discontinuities: i64,
-    svid: i64,
-    time_offset: f64,
-    state: u32,
-    received: i64,
-    uncertainty: i64,
-    cn0: f64,
-    rate: &'static str,
-    rate_uncertainty: f64,
-    range_state: u32,
-    range: &'static str,
-    frequency: &'static str,
-    multipath: &'static str,
-    system: i64,
-    code: &'static str,
-}
-
-/// 2023-11-07 12:00:00.3 GPS time, TimeNanos `seconds` after the phone's start.
-fn gps(seconds: i64) -> Line {
-    let gps_ns = "2023-11-07T12:00:00.3".parse::<GpsTime>().unwrap().nanos() + seconds * 1_000_000_000;
-    Line {
-        time_ns: 7_000_000_000_000 + seconds * 1_000_000_000,
-        gps_ns,
-        bias: "0.0",
-        bias_uncertainty: 20.0,
-        discontinuities: 3,
-        svid: 5,
-        time_offset: 0.0,
-        state: 16_431,
-        received: (gps_ns - TRAVEL_NS).rem_euclid(WEEK_NS),
-        uncertainty: 20,
-        cn0: 35.0,
-        rate: "-190.5",
-        rate_uncertainty: 0.1,
-        range_state: 1,
-        range: "1000.0",
-        frequency: "1575420030",
-        multipath: "0",
-        system: 1,
-        code: "C",
-    }
-}
-
-impl Line {
-    fn text(&self) -> String {
-        let full_bias = self.time_ns - self.gps_ns;
-        let Self {
-            time_ns, bias, bias_uncertainty, discontinuities, svid, time_offset, state, received, ..
-        } = self;
-        let Self { uncertainty, cn0, rate, rate_uncertainty, range_state, range, frequency, .. } = self;
-        let Self { multipath, system, code, .. } = self;
-        format!(
-            "Raw,1699358382300,{time_ns},,,{full_bias},{bias},{bias_uncertainty},,,{discontinuities},{svid},\
-             {time_offset},{state},{received},{uncertainty},{cn0},{rate},{rate_uncertainty},{range_state},{range},\
-             0.1,{frequency},,,,{multipath},,{system},,{code}"
-        )
-    }
-}
-
-fn log(lines: &[Line]) -> String {
-    let mut text = format!("# Header Description:\n#\n{HEADER}\n#\n");
-    for line in lines {
-        text += &line.text();
-        text.push('\n');
-    }
-    text
-}
-
-struct Decoded {
-    epochs: Vec<ObservationEpoch>,
-    ephemerides: Vec<KeplerEphemeris>,
-    skips: Skips,
-    decoder: GnssLoggerDecoder,
-}
-
-fn decode_with(bytes: &[u8], options: Options) -> Decoded {
-    let mut decoder = GnssLoggerDecoder::new(options);
-    decoder.feed(bytes).unwrap();
-    decoder.finish().unwrap();
-    let (mut epochs, mut ephemerides) = (Vec::new(), Vec::new());
-    while let Some(record) = decoder.next_record() {
-        match record {
-            Record::Epoch(epoch) => epochs.push(epoch),
-            Record::Ephemeris(ephemeris) => ephemerides.push(*ephemeris),
-            other @ (Record::Glonass(_) | Record::Event(_)) => panic!("{other:?}: such logs give none"),
-        }
-    }
-    Decoded { epochs, ephemerides, skips: decoder.skips().clone(), decoder }
-}
-
-fn decode(text: &str) -> Decoded {
-    decode_with(text.as_bytes(), Options::default())
-}
-
-/// The observation of a log of one line.
-fn only(line: &Line) -> Observation {
-    let decoded = decode(&log(std::slice::from_ref(line)));
-    assert!(decoded.skips.is_empty(), "{}", decoded.skips);
-    assert_eq!((decoded.epochs.len(), decoded.epochs[0].observations.len()), (1, 1));
-    decoded.epochs[0].observations[0]
-}
-
-/// The reasons of a log of one line that gives nothing.
-fn refusal(line: &Line) -> Vec<String> {
-    refusal_with(line, Options::default())
-}
-
-fn refusal_with(line: &Line, options: Options) -> Vec<String> {
-    let decoded = decode_with(log(std::slice::from_ref(line)).as_bytes(), options);
-    assert!(decoded.epochs.is_empty());
-    decoded
-        .skips
-        .iter()
-        .map(|(reason, _)| reason.to_owned())
-        .filter(|r| !r.starts_with("epoch without"))
-        .collect()
-}
-
-fn metres(ns: f64) -> f64 {
-    ns * SPEED_OF_LIGHT_MPS * 1e-9
-}
 
 #[test]
 fn every_constellation_gives_the_same_pseudorange() {
@@ -292,7 +154,8 @@ fn each_mask_has_its_option_and_its_count() {
         (
             Line { state: state::CODE_LOCK, ..gps(0) },
             with(|m| {
-                let lax = StateRule { tracked: 1, timed: 1, timed_100_ms: 0, forbidden: 0 };
+                let lax =
+                    StateRule { tracked: 1, timed: 1, modular: [ModularTime::default(); 2], forbidden: 0 };
                 m.states = StateRules { gps: lax, ..StateRules::default() };
             }),
             "mask: state bits",
@@ -314,7 +177,11 @@ fn each_mask_has_its_option_and_its_count() {
 fn states_that_leave_the_time_open() {
     for (system, state) in [
         (1, state::TOW_DECODED),
-        (1, state::CODE_LOCK | state::TOW_DECODED | state::MSEC_AMBIGUOUS),
+        (1, state::CODE_LOCK | state::MSEC_AMBIGUOUS),
+        (1, state::CODE_LOCK | state::SUBFRAME_SYNC | state::MSEC_AMBIGUOUS),
+        (6, state::CODE_LOCK | state::SUBFRAME_SYNC),
+        (3, state::CODE_LOCK | state::SUBFRAME_SYNC),
+        (1, state::SUBFRAME_SYNC),
         (1, state::CODE_LOCK | state::GLO_TOD_DECODED),
         (1, state::CODE_LOCK | state::GAL_E1C_2ND_CODE_LOCK),
         (3, state::CODE_LOCK | state::TOW_DECODED),

@@ -6,6 +6,9 @@
 //! the RINEX file's interpolated to the same instant.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod beside;
+
+use beside::required;
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::decode::{Decoder, Record};
 use cofix_common::gnss::{Observation, ObservationEpoch};
@@ -13,7 +16,6 @@ use cofix_common::gnsslogger::{GnssLoggerDecoder, Masks, Options};
 use cofix_common::rinex::ObservationFile;
 use cofix_common::skips::Skips;
 
-const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/pixel6-2023");
 const METRES_PER_NS: f64 = SPEED_OF_LIGHT_MPS * 1e-9;
 
 struct Both {
@@ -23,13 +25,9 @@ struct Both {
 }
 
 /// Both recordings, the text with all masks off that can be off: the app's own RINEX has none.
-fn both() -> Option<Both> {
-    let (Ok(text), Ok(rinex)) =
-        (std::fs::read(format!("{FOLDER}/pixel6.txt")), std::fs::read(format!("{FOLDER}/pixel6.23o")))
-    else {
-        println!("skipped: {FOLDER} is not here");
-        return None;
-    };
+fn both() -> Both {
+    let text = required("data/pixel6-2023/pixel6.txt");
+    let rinex = required("data/pixel6-2023/pixel6.23o");
     let options = Options { masks: Masks::none(), keep_invalid_phase: true, ..Options::default() };
     let mut decoder = GnssLoggerDecoder::new(options);
     decoder.feed(&text).unwrap();
@@ -42,7 +40,7 @@ fn both() -> Option<Both> {
     }
     let rinex = ObservationFile::parse(&rinex).unwrap();
     assert!(rinex.skips.is_empty(), "{}", rinex.skips);
-    Some(Both { text: epochs, skips: decoder.skips().clone(), rinex: rinex.epochs })
+    Both { text: epochs, skips: decoder.skips().clone(), rinex: rinex.epochs }
 }
 
 fn find(epoch: &ObservationEpoch, like: &Observation) -> Option<Observation> {
@@ -76,8 +74,9 @@ fn between((v0, rate0): (f64, f64), (v1, rate1): (f64, f64), s: f64, dt: f64) ->
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn epochs_and_lines_are_complete() {
-    let Some(both) = both() else { return };
+    let both = both();
     assert_eq!((both.text.len(), both.rinex.len()), (31, 48));
     assert!(both.text.iter().all(|t| both.rinex.iter().all(|r| (t.time_gps - r.time_gps).abs() > 0.9)));
     // 930 Raw lines. 32 have the state TOW_KNOWN alone (weak L5/E5a signals that the chip predicts but does not track;
@@ -92,8 +91,9 @@ fn epochs_and_lines_are_complete() {
 /// and 6 s more or less), none makes the pseudoranges of an epoch agree, even up to a common offset: at 1 s they are off by
 /// what the distances change in a second, in the median 400 m, and at others by that many times more.
 #[test]
+#[ignore = "needs the reference data"]
 fn no_shift_makes_the_tags_meet() {
-    let Some(both) = both() else { return };
+    let both = both();
     let second = |epoch: &ObservationEpoch| epoch.time_gps.tow_s().round() % 6.0;
     assert!(both.text.iter().all(|epoch| second(epoch) == 2.0));
     assert!(both.rinex.iter().all(|epoch| second(epoch) == 3.0));
@@ -116,8 +116,9 @@ fn no_shift_makes_the_tags_meet() {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn all_pseudoranges_are_whole_nanoseconds() {
-    let Some(both) = both() else { return };
+    let both = both();
     let off = |metres: f64| {
         let ns = metres / METRES_PER_NS;
         (ns - ns.round()).abs() * METRES_PER_NS
@@ -146,8 +147,9 @@ fn missing_ns(both: &Both, epoch: &ObservationEpoch) -> Option<f64> {
 /// The app wrote tags of seven decimals and referred the pseudoranges to the tag as printed: they are up to 30 m shorter
 /// than the text's, alike for all satellites of an epoch, as the tag is up to 100 ns earlier. A receiver clock takes it up.
 #[test]
+#[ignore = "needs the reference data"]
 fn the_file_cuts_its_time_tags_to_100_ns() {
-    let Some(both) = both() else { return };
+    let both = both();
     let missing: Vec<f64> = both.rinex.iter().filter_map(|epoch| missing_ns(&both, epoch)).collect();
     assert_eq!(missing.len(), 45);
     assert!(missing.iter().all(|ns| (0.0..100.0).contains(ns)), "{missing:?}");
@@ -204,8 +206,9 @@ fn differences(both: &Both) -> Vec<Difference> {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn code_phase_doppler_and_cn0_agree_to_their_noise() {
-    let Some(both) = both() else { return };
+    let both = both();
     let all = differences(&both);
     let spread = |value: fn(&Difference) -> f64| median(all.iter().map(value).collect());
     let (code, phase) = (spread(|d| d.code_m), spread(|d| d.phase_cycles));
@@ -222,8 +225,9 @@ fn code_phase_doppler_and_cn0_agree_to_their_noise() {
 /// No satellite or signal has an offset of its own: no inter-signal or inter-system bias, no wrong leap second, channel or
 /// wavelength hides in the noise. L5 and E5a codes are several times better than L1, so they show it best.
 #[test]
+#[ignore = "needs the reference data"]
 fn no_signal_has_an_offset_of_its_own() {
-    let Some(both) = both() else { return };
+    let both = both();
     let all = differences(&both);
     let mut names: Vec<&str> = all.iter().map(|d| d.satellite_and_signal.as_str()).collect();
     names.sort_unstable();
@@ -242,8 +246,9 @@ fn no_signal_has_an_offset_of_its_own() {
 /// are L5 and E5a signals that come and go between epochs (G04, G08, G27, E07, E19, E27, E30), and the two weakest on L1
 /// (E19, G05).
 #[test]
+#[ignore = "needs the reference data"]
 fn the_same_signals_are_there() {
-    let Some(both) = both() else { return };
+    let both = both();
     let mut counts = [0; 3];
     let mut fleeting = Vec::new();
     for epoch in &both.text {
@@ -268,11 +273,9 @@ fn the_same_signals_are_there() {
 
 /// The default masks, each with its count.
 #[test]
+#[ignore = "needs the reference data"]
 fn default_masks_are_counted() {
-    let Ok(text) = std::fs::read(format!("{FOLDER}/pixel6.txt")) else {
-        println!("skipped: {FOLDER} is not here");
-        return;
-    };
+    let text = required("data/pixel6-2023/pixel6.txt");
     let mut decoder = GnssLoggerDecoder::default();
     decoder.feed(&text).unwrap();
     decoder.finish().unwrap();

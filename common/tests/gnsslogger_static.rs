@@ -1,6 +1,8 @@
 //! Two static logs of 2016, the first public version of the app.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod beside;
+
 use std::collections::BTreeMap;
 
 use cofix_common::decode::{Decoder, Record};
@@ -10,12 +12,8 @@ use cofix_common::gnsslogger::{BiasReference, FixProvider, GnssLoggerDecoder, Ma
 const JUNE: &str = "pseudoranges_log_2016_06_30_21_26_07.txt";
 const AUGUST: &str = "pseudoranges_log_2016_08_22_14_45_50.txt";
 
-fn read(name: &str, options: Options) -> Option<(Vec<ObservationEpoch>, GnssLoggerDecoder)> {
-    let path = format!("{}/../../shared/data/google-static-2016/{name}", env!("CARGO_MANIFEST_DIR"));
-    let Ok(text) = std::fs::read(&path) else {
-        println!("skipped: {path} is not here");
-        return None;
-    };
+fn read(name: &str, options: Options) -> (Vec<ObservationEpoch>, GnssLoggerDecoder) {
+    let text = beside::required(&format!("data/google-static-2016/{name}"));
     let mut decoder = GnssLoggerDecoder::new(options);
     decoder.feed(&text).unwrap();
     decoder.finish().unwrap();
@@ -26,7 +24,7 @@ fn read(name: &str, options: Options) -> Option<(Vec<ObservationEpoch>, GnssLogg
             other => panic!("{other:?}: these logs have no Nav lines"),
         }
     }
-    Some((epochs, decoder))
+    (epochs, decoder)
 }
 
 fn per_signal(epochs: &[ObservationEpoch]) -> Vec<(String, usize)> {
@@ -42,8 +40,9 @@ fn named(counts: &[(&str, usize)]) -> Vec<(String, usize)> {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn june() {
-    let Some((epochs, decoder)) = read(JUNE, Options::default()) else { return };
+    let (epochs, decoder) = read(JUNE, Options::default());
     assert_eq!(epochs.len(), 223);
     // 1379 lines, of which three of G03 are too uncertain.
     assert_eq!(
@@ -73,61 +72,62 @@ fn june() {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn august() {
-    let Some((epochs, decoder)) = read(AUGUST, Options::default()) else { return };
-    assert_eq!(epochs.len(), 202);
+    let (epochs, decoder) = read(AUGUST, Options::default());
+    assert_eq!(epochs.len(), 207);
     assert_eq!(
         per_signal(&epochs),
         named(&[
             ("C07 2I", 201),
             ("E22 1C", 161),
             ("E30 1C", 191),
-            ("G02 1C", 184),
-            ("G05 1C", 173),
-            ("G12 1C", 199),
-            ("G15 1C", 182),
-            ("G18 1C", 111),
-            ("G20 1C", 200),
-            ("G21 1C", 200),
-            ("G25 1C", 199),
-            ("G26 1C", 194),
-            ("G29 1C", 200),
-            ("G31 1C", 170),
+            ("G02 1C", 203),
+            ("G05 1C", 180),
+            ("G12 1C", 206),
+            ("G13 1C", 93),
+            ("G15 1C", 206),
+            ("G18 1C", 155),
+            ("G20 1C", 207),
+            ("G21 1C", 207),
+            ("G25 1C", 206),
+            ("G26 1C", 204),
+            ("G29 1C", 206),
+            ("G31 1C", 195),
         ])
     );
     let count = |reason: &str| decoder.skips().count(reason);
     // All 1833 GLONASS lines name their satellite by frequency channel (Svid 93 to 106); none has its time of day.
     assert_eq!(count("GLONASS satellite known by its frequency channel only"), 1_833);
-    assert_eq!(count("mask: state bits"), 597);
-    assert_eq!(count("mask: C/N0"), 27);
-    assert_eq!(count("mask: multipath indicator"), 19);
-    assert_eq!(count("epoch without a usable measurement"), 5, "no time of week yet");
-    assert_eq!(decoder.skips().total(), 1_833 + 597 + 27 + 19 + 5, "{}", decoder.skips());
-    assert_eq!(5_041 - 1_833 - 597 - 27 - 19, epochs.iter().map(|e| e.observations.len()).sum::<usize>());
+    assert_eq!(count("mask: state bits"), 286);
+    assert_eq!((count("mask: C/N0"), count("mask: multipath indicator")), (74, 27));
+    assert_eq!(decoder.skips().total(), 1_833 + 286 + 74 + 27, "{}", decoder.skips());
+    assert_eq!(5_041 - 1_833 - 286 - 74 - 27, epochs.iter().map(|e| e.observations.len()).sum::<usize>());
     let phases = epochs.iter().flat_map(|e| &e.observations).filter(|o| o.carrier_phase_cycles.is_some());
-    assert_eq!(phases.clone().count(), 2_048);
-    assert_eq!(phases.filter(|o| o.loss_of_lock.cycle_slip).count(), 0);
+    let slips = phases.clone().filter(|o| o.loss_of_lock.cycle_slip).count();
+    // Losses of lock are declared on 1,028 lines of these systems, most with a phase that is not valid; the next ones tell them.
+    assert_eq!((phases.count(), slips), (2_129, 113));
 }
 
 /// Masks that are off count nothing and give what they took.
 #[test]
+#[ignore = "needs the reference data"]
 fn august_without_masks() {
     let options = Options { masks: Masks::none(), ..Options::default() };
-    let Some((epochs, decoder)) = read(AUGUST, options) else { return };
+    let (epochs, decoder) = read(AUGUST, options);
     let used: usize = epochs.iter().map(|e| e.observations.len()).sum();
-    assert_eq!(used, 5_041 - 1_833 - 597);
-    assert_eq!(decoder.skips().count("mask: state bits"), 597);
+    assert_eq!(used, 5_041 - 1_833 - 286);
+    assert_eq!(decoder.skips().count("mask: state bits"), 286);
     assert_eq!(decoder.skips().count("mask: multipath indicator"), 0);
 }
 
 /// With the first epoch's bias, tags and pseudoranges move together with the oscillator, and by the same for all
 /// satellites: t_rx is another, t_rx − P/c is the same.
 #[test]
+#[ignore = "needs the reference data"]
 fn the_bias_reference_moves_tags_and_pseudoranges_together() {
     let first = Options { bias_reference: BiasReference::FirstEpoch, ..Options::default() };
-    let (Some((each, _)), Some((first, _))) = (read(AUGUST, Options::default()), read(AUGUST, first)) else {
-        return;
-    };
+    let ((each, _), (first, _)) = (read(AUGUST, Options::default()), read(AUGUST, first));
     assert_eq!(each.len(), first.len());
     let mut widest = 0_i64;
     for (a, b) in each.iter().zip(&first) {
@@ -146,10 +146,9 @@ fn the_bias_reference_moves_tags_and_pseudoranges_together() {
 
 /// The first log's chip counts a clock discontinuity with every epoch, so the first bias never lasts.
 #[test]
+#[ignore = "needs the reference data"]
 fn a_discontinuity_takes_a_new_reference() {
     let first = Options { bias_reference: BiasReference::FirstEpoch, ..Options::default() };
-    let (Some((each, _)), Some((first, _))) = (read(JUNE, Options::default()), read(JUNE, first)) else {
-        return;
-    };
+    let ((each, _), (first, _)) = (read(JUNE, Options::default()), read(JUNE, first));
     assert_eq!(each, first);
 }

@@ -9,8 +9,8 @@ use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use cofix_common::decode::{Decoder, Record};
 use cofix_common::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use cofix_common::gnsslogger::Masks;
-use cofix_common::gsdc::{DerivedDecoder, DerivedEpoch, DerivedFile, ground_truth, is_ground_truth};
-use cofix_common::measurement::{CorrectionOptions, Corrector, Ionosphere, without_position};
+use cofix_common::gsdc::{DerivedDecoder, DerivedFile, ground_truth, is_ground_truth};
+use cofix_common::measurement::{CorrectionOptions, Corrector, Ionosphere, RecordedEpoch, without_position};
 use cofix_common::orbit::Products;
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
@@ -125,11 +125,11 @@ fn table_2021(epochs: i64) -> String {
     rows.fold(HEADER_2021.to_owned(), |table, row| table + &row)
 }
 
-fn solve(epoch: &DerivedEpoch) -> Ecef {
+fn solve(epoch: &RecordedEpoch) -> Ecef {
     solve_with(epoch, Ionosphere::Model)
 }
 
-fn solve_with(epoch: &DerivedEpoch, ionosphere: Ionosphere) -> Ecef {
+fn solve_with(epoch: &RecordedEpoch, ionosphere: Ionosphere) -> Ecef {
     let options = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
     let mut corrector = Corrector::new(Arc::new(Products::default()), options);
     let prepared = epoch.prepare(&mut corrector);
@@ -375,6 +375,166 @@ fn epochs_a_second_late_are_set_right() {
     let file = DerivedFile::parse(format!("{HEADER_2021}{late}").as_bytes()).unwrap();
     assert!((file.epochs[0].time_gps - GpsTime::from_nanos(START_MS * 1_000_000)).abs() < 2e-9);
     assert_eq!(file.skips.count("epoch corrected by whole seconds, row used"), 1, "{}", file.skips);
+}
+
+/// Where the phone's clock was set between two epochs, the time of the next one is off by no whole number of seconds.
+#[test]
+fn epochs_of_an_irregular_step_have_the_time_of_arrival() {
+    let row = |tag_ms: i64, number: usize| {
+        row_2021(START_MS, &sky()[number]).replacen(
+            &START_MS.to_string(),
+            &(START_MS + tag_ms).to_string(),
+            1,
+        )
+    };
+    for tag_ms in [1_192, 991, -9, 4_790, 30_003] {
+        let rows = [row(tag_ms, 0), row_2021(START_MS + 60_000, &sky()[0]), row(tag_ms, 1), row(tag_ms, 2)];
+        let file = DerivedFile::parse(format!("{HEADER_2021}{}", rows.concat()).as_bytes()).unwrap();
+        let [first, _] = file.epochs.as_slice() else { panic!("{tag_ms}: {}", file.skips) };
+        assert_eq!(first.observations.len(), 3, "{tag_ms}: {}", file.skips);
+        assert!((first.time_gps - GpsTime::from_nanos(START_MS * 1_000_000)).abs() < 2e-9, "{tag_ms}");
+        assert_eq!(file.skips.count("epoch corrected to the time of arrival, row used"), 3, "{}", file.skips);
+    }
+    // A single row may be damaged.
+    let file = DerivedFile::parse(format!("{HEADER_2021}{}", row(1_192, 0)).as_bytes()).unwrap();
+    assert!(file.epochs.is_empty());
+    assert_eq!(file.skips.count("epoch contradicts transmission and pseudorange"), 1, "{}", file.skips);
+    // Beside an epoch of the same arrival one row suffices.
+    let rows = [row_2021(START_MS, &sky()[0]), row(1_192, 1)].concat();
+    let file = DerivedFile::parse(format!("{HEADER_2021}{rows}").as_bytes()).unwrap();
+    assert_eq!((file.epochs.len(), file.epochs[0].observations.len()), (1, 2), "{}", file.skips);
+}
+
+/// Columns of whole numbers with blanks become doubles in many tools, which print them so.
+#[test]
+fn whole_numbers_may_be_written_as_floating_point() {
+    let float = |ns: i64| format!("{:e}", ns as f64).replace('e', "e+");
+    let mut whole = HEADER_2022.to_owned();
+    let mut floating = HEADER_2022.to_owned();
+    for second in 0..2 {
+        for sat in &sky() {
+            let row = row_2022(START_MS + second * 1_000, sat, 1, true);
+            let fields: Vec<String> = row
+                .trim_end()
+                .split(',')
+                .enumerate()
+                .map(|(k, field)| match k {
+                    1..=3 | 6 => format!("{field}.0"),
+                    10 | 14 => float(field.parse().unwrap()),
+                    _ => field.to_owned(),
+                })
+                .collect();
+            floating += &(fields.join(",") + "\n");
+            whole += &row;
+        }
+    }
+    let parse = |table: &str| DerivedFile::parse(table.as_bytes()).unwrap();
+    let (whole, floating) = (parse(&whole), parse(&floating));
+    assert!(floating.skips.is_empty(), "{}", floating.skips);
+    assert_eq!(floating.epochs.len(), 2);
+    for (epoch, exact) in floating.epochs.iter().zip(&whole.epochs) {
+        assert!((epoch.time_gps - exact.time_gps).abs() <= 256e-9);
+        assert_eq!(epoch.observations, exact.observations, "the pseudoranges have a column of their own");
+        assert!(solve(epoch).distance_m(site()) < 0.01);
+    }
+    // Of 2021, and truths.
+    let table = table_2021(2);
+    let first = START_MS.to_string();
+    let floating = table.replace(&first, &float(START_MS)).replace(",1,2,GPS_L1", ",1.0,2.0,GPS_L1");
+    assert_ne!(floating, table);
+    assert_eq!(parse(&floating), parse(&table));
+    let truth = |time: &str| {
+        let header = "millisSinceGpsEpoch,latDeg,lngDeg,heightAboveWgs84EllipsoidM,speedMps,courseDegree\n";
+        ground_truth(format!("{header}{time},37.42,-122.09,71.0,11.1,0.0\n").as_bytes()).unwrap().0
+    };
+    assert_eq!(
+        truth(&float(START_MS)).times(&[1]).collect::<Vec<_>>(),
+        truth(&first).times(&[1]).collect::<Vec<_>>()
+    );
+}
+
+/// A slip that is declared on a row without a valid phase, or on one that is not used, is told by the next phase.
+#[test]
+fn a_slip_is_told_by_the_next_phase() {
+    let header = format!("{},ReceivedSvTimeUncertaintyNanos\n", HEADER_2022.trim_end());
+    let row = |second: i64, state: u32, uncertainty: &str| {
+        let row = row_2022(START_MS + second * 1_000, &sky()[0], state, true);
+        format!("{},{uncertainty}\n", row.trim_end())
+    };
+    let without_range = |row: String| row.replace(&format!("{:.4}", sky()[0].pseudorange_m), "");
+    let without_times = |row: String| {
+        let fields: Vec<&str> = row.trim_end().split(',').collect();
+        let blank = |(k, field): (usize, &&str)| {
+            if matches!(k, 10 | 11 | 14) { String::new() } else { (*field).to_owned() }
+        };
+        fields.iter().enumerate().map(blank).collect::<Vec<_>>().join(",") + "\n"
+    };
+    let (yes, no) = (Some(true), Some(false));
+    for (middle, expected) in [
+        (row(1, 4, ""), vec![no, None, yes, no]),
+        (row(1, 2, ""), vec![no, None, yes, no]),
+        (row(1, 18, ""), vec![no, None, yes, no]),
+        (row(1, 29, "900"), vec![no, yes, no]),
+        (without_range(row(1, 5, "")), vec![no, yes, no]),
+        (without_times(row(1, 5, "")), vec![no, yes, no]),
+        (row(0, 5, ""), vec![no, yes, no]),
+        (row(1, 1, "900"), vec![no, no, no]),
+        (row(1, 0, ""), vec![no, None, no, no]),
+    ] {
+        let table = [header.clone(), row(0, 1, ""), middle.clone(), row(2, 1, ""), row(3, 1, "")].concat();
+        let file = DerivedFile::parse(table.as_bytes()).unwrap();
+        let slip = |epoch: &RecordedEpoch| {
+            let o = epoch.observations[0].observation;
+            o.carrier_phase_cycles.map(|_| o.loss_of_lock.cycle_slip)
+        };
+        assert_eq!(file.epochs.iter().map(slip).collect::<Vec<_>>(), expected, "{middle}");
+    }
+    // Rows out of order within a minute: the order of time counts.
+    let table = [header, row(0, 1, ""), row(2, 1, ""), row(1, 4, ""), row(3, 1, "")].concat();
+    let file = DerivedFile::parse(table.as_bytes()).unwrap();
+    let slips: Vec<_> =
+        file.epochs.iter().map(|e| e.observations[0].observation.loss_of_lock.cycle_slip).collect();
+    assert_eq!(slips, [false, false, true, false]);
+}
+
+#[test]
+fn satellites_of_qzss_have_either_number() {
+    let row = |svid: &str| row_2021(START_MS, &sky()[0]).replace(",1,1,GPS_L1", &format!(",4,{svid},QZS_J1"));
+    for (svid, name) in [("1", "J01"), ("193", "J01"), ("3.0", "J03"), ("10", "J10"), ("202", "J10")] {
+        let file = DerivedFile::parse(format!("{HEADER_2021}{}", row(svid)).as_bytes()).unwrap();
+        assert!(file.skips.is_empty(), "{svid}: {}", file.skips);
+        assert_eq!(file.epochs[0].observations[0].observation.satellite.to_string(), name);
+    }
+    for svid in ["0", "11", "192", "203", "nan", ""] {
+        let file = DerivedFile::parse(format!("{HEADER_2021}{}", row(svid)).as_bytes()).unwrap();
+        assert_eq!(file.skips.count("satellite that is not used"), 1, "{svid}: {}", file.skips);
+    }
+}
+
+#[test]
+fn ambiguous_milliseconds_beside_a_known_time_are_used() {
+    let header = format!("{},State\n", HEADER_2022.trim_end());
+    for (state, used) in
+        [("16409", 1), ("16409.0", 1), ("1.6409e+04", 1), ("17", 0), ("5", 1), ("21", 0), ("1", 0)]
+    {
+        let row = row_2022(START_MS, &sky()[0], 1, true);
+        let table = format!("{header}{},{state}\n", row.trim_end());
+        let file = DerivedFile::parse(table.as_bytes()).unwrap();
+        assert_eq!(file.epochs.len(), used, "{state}: {}", file.skips);
+        assert_eq!(file.skips.count("mask: state bits"), 1 - used as u64, "{state}");
+    }
+}
+
+/// Products come first; a satellite that they do not know has the state that the table gives it.
+#[test]
+fn states_of_the_table_serve_where_no_product_does() {
+    let file = DerivedFile::parse(table_2021(1).as_bytes()).unwrap();
+    let mut corrector = Corrector::new(Arc::new(Products::default()), CorrectionOptions::default());
+    let prepared = file.epochs[0].prepare_with_products(&mut corrector);
+    let reason = "satellite state of the recording used, no product has one";
+    assert_eq!((corrector.skips().count(reason), corrector.skips().total()), (6, 6), "{}", corrector.skips());
+    let (corrected, _) = corrector.finish(&prepared, site(), file.epochs[0].time_gps);
+    assert!(solve_position(&corrected, site()).unwrap().position().distance_m(site()) < 0.01);
 }
 
 #[test]

@@ -6,7 +6,7 @@ mod beside;
 mod broadcast_words;
 mod navbits_encoder;
 
-use beside::shared;
+use beside::required;
 use broadcast_words::e01_fnav as e01;
 use cofix_common::gnss::{Constellation, SatelliteId};
 use cofix_common::navbits::{FnavAssembler, ReceiverCheck};
@@ -67,6 +67,22 @@ fn the_same_again_is_not_given_again() {
     assert_eq!(given, 1);
 }
 
+/// As they are where the signal is tracked half a cycle off, the two bits that a page leaves over included or not.
+#[test]
+fn pages_may_be_turned_over() {
+    for last in [0xff, 0xfc] {
+        let turn = |page: Vec<u8>| -> Vec<u8> {
+            let mut turned: Vec<u8> = page.iter().map(|byte| !byte).collect();
+            turned[29] = page[29] ^ last;
+            turned
+        };
+        let turned: Vec<_> = e01().into_iter().map(turn).collect();
+        let read = |pages| read(satellite("E01"), pages, then()).unwrap().unwrap();
+        // BGD E1-E5b is no number.
+        assert_eq!(format!("{:?}", read(&turned)), format!("{:?}", read(&e01())));
+    }
+}
+
 #[test]
 fn pages_are_checked() {
     let good = e01().remove(0);
@@ -99,9 +115,10 @@ fn pages_are_checked() {
 
 /// Every F/NAV record of a broadcast file: positions up to four hours from toe. Angles have 12 digits in the file.
 #[test]
+#[ignore = "needs the reference data"]
 fn a_broadcast_file_comes_back_from_its_pages() {
     let path = "oracle/inputs/BRD400DLR_20230710000_as_rnx305_GRECJI.rnx.gz";
-    let Some(bytes) = shared(path) else { return };
+    let bytes = required(path);
     let file = NavigationFile::parse(&bytes).unwrap();
     let (mut count, mut unhealthy, mut worst_m, mut worst_s) = (0, 0, 0.0_f64, 0.0_f64);
     for expected in file.ephemerides.iter().filter(|e| e.message == NavigationMessage::GalileoFnav) {

@@ -4,11 +4,12 @@
 
 mod beside;
 
-use beside::shared;
+use beside::required;
 use cofix_common::gnss::{EpochFlag, Observation, ObservationEpoch};
 use cofix_common::rinex::{NavigationFile, ObservationDecoder, ObservationFile, RinexError};
 
 #[test]
+#[ignore = "needs the reference data"]
 fn recordings_have_all_their_epochs() {
     for (path, epochs) in [
         ("WH-3-08/HP20", 640),
@@ -26,7 +27,7 @@ fn recordings_have_all_their_epochs() {
         ("WH-4-06/VX30", 485),
         ("WH-4-06/XIM8", 490),
     ] {
-        let Some(bytes) = shared(&format!("data/whu-wuhan-2020-08-13/{path}.rnx")) else { return };
+        let bytes = required(&format!("data/whu-wuhan-2020-08-13/{path}.rnx"));
         let file = ObservationFile::parse(&bytes).unwrap();
         let observations: usize = file.epochs.iter().map(|e| e.observations.len()).sum();
         println!(
@@ -40,6 +41,7 @@ fn recordings_have_all_their_epochs() {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn navigation_files_are_read() {
     for path in [
         "data/ESBC00DNK_R_20201770000_01D_MN.rnx.gz",
@@ -47,7 +49,7 @@ fn navigation_files_are_read() {
         "oracle/inputs/CORD00ARG_R_20240920000_01D_MN.rnx.gz",
         "oracle/inputs/mat_base.nav.gz",
     ] {
-        let Some(bytes) = shared(path) else { return };
+        let bytes = required(path);
         let file = NavigationFile::parse(&bytes).unwrap();
         println!("{path}: {} ephemerides, {:?}, {}", file.ephemerides.len(), file.ionosphere, file.skips);
     }
@@ -59,8 +61,9 @@ fn find<'a>(epoch: &'a ObservationEpoch, satellite: &str, signal: &str) -> &'a O
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn recordings_have_the_values_that_are_printed() {
-    let Some(bytes) = shared("data/whu-wuhan-2020-08-13/WH-3-08/HP30.rnx") else { return };
+    let bytes = required("data/whu-wuhan-2020-08-13/WH-3-08/HP30.rnx");
     let file = ObservationFile::parse(&bytes).unwrap();
     assert_eq!(file.header.version, 304);
     assert_eq!(file.header.marker_name, "HP30");
@@ -78,8 +81,9 @@ fn recordings_have_the_values_that_are_printed() {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn a_geodetic_receivers_file_has_all_bands() {
-    let Some(bytes) = shared("oracle/inputs/mat_rover.obs.gz") else { return };
+    let bytes = required("oracle/inputs/mat_rover.obs.gz");
     let file = ObservationFile::parse(&bytes).unwrap();
     assert_eq!(file.epochs.len(), 301);
     assert!(file.skips.is_empty(), "{}", file.skips);
@@ -90,8 +94,9 @@ fn a_geodetic_receivers_file_has_all_bands() {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn a_phones_own_file_is_read() {
-    let Some(bytes) = shared("data/pixel6-2023/pixel6.23o") else { return };
+    let bytes = required("data/pixel6-2023/pixel6.23o");
     let file = ObservationFile::parse(&bytes).unwrap();
     println!("{} epochs, {}", file.epochs.len(), file.skips);
     assert_eq!(file.header.glonass_channels.len(), 6);
@@ -101,8 +106,9 @@ fn a_phones_own_file_is_read() {
 }
 
 #[test]
+#[ignore = "needs the reference data"]
 fn a_base_stations_file_is_read() {
-    let Some(bytes) = shared("data/gsdc-2020-05-14-mtv1/slac1350.obs") else { return };
+    let bytes = required("data/gsdc-2020-05-14-mtv1/slac1350.obs");
     let file = ObservationFile::parse(&bytes).unwrap();
     println!("{} epochs, {}", file.epochs.len(), file.skips);
     assert!(file.epochs.len() > 100 && file.skips.is_empty(), "{}", file.skips);

@@ -1,8 +1,11 @@
 //! From the bytes of four phones' RINEX files to fused, constrained states, on one core, without transport and recording.
 //!
-//! Uses the session WH-3-08 when the recordings are beside the repository; otherwise says so and measures nothing.
+//! Uses the session WH-3-08 of the reference data; without it, it says so and measures nothing.
 //! The figure to read is the throughput of `all`, in phone-epochs per second; `parse`, `agents` and `hub` are its parts.
 #![allow(clippy::unwrap_used, missing_docs)]
+
+#[path = "../../common/tests/beside/mod.rs"]
+mod beside;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -16,7 +19,6 @@ use cofix_hub::align::{AlignOptions, Aligner};
 use cofix_hub::engine::{Engine, EngineOptions, ScheduledConstraint};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 
-const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data");
 const PHONES: [&str; 4] = ["HP30", "HP20", "VX30", "XIM8"];
 
 struct Session {
@@ -26,13 +28,13 @@ struct Session {
 
 impl Session {
     fn load() -> Option<Self> {
-        let whu = format!("{DATA}/whu-wuhan-2020-08-13");
-        let read = |path: String| std::fs::read(path).ok();
+        let whu = "data/whu-wuhan-2020-08-13";
+        let read = |below: String| std::fs::read(beside::path(&below)).ok();
         let observations =
             PHONES.iter().map(|p| read(format!("{whu}/WH-3-08/{p}.rnx"))).collect::<Option<_>>()?;
         let sp3 = Sp3::parse(&read(format!("{whu}/orbits.sp3"))?).ok()?;
         let navigation =
-            NavigationFile::parse(&read(format!("{DATA}/ESBC00DNK_R_20201770000_01D_MN.rnx.gz"))?).ok()?;
+            NavigationFile::parse(&read("data/ESBC00DNK_R_20201770000_01D_MN.rnx.gz".to_owned())?).ok()?;
         Some(Self { observations, products: Arc::new(Products::new(vec![sp3], vec![navigation])) })
     }
 
@@ -79,7 +81,7 @@ fn hub(messages: Vec<Vec<EpochMessage>>) -> usize {
 
 fn parse_to_fused(criterion: &mut Criterion) {
     let Some(session) = Session::load() else {
-        println!("skipped: the recordings are not at {DATA}");
+        println!("nothing is measured: {} is missing or incomplete", beside::path("data").display());
         return;
     };
     let files = session.parse();

@@ -2,12 +2,19 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
+#[path = "../../agent/tests/limits/mod.rs"]
+mod limits;
+
 use std::path::Path;
 
 use assert_cmd::Command;
 
 fn hub(folder: &Path, arguments: &[&str]) -> assert_cmd::assert::Assert {
-    Command::new(env!("CARGO_BIN_EXE_cofix-hub")).current_dir(folder).args(arguments).assert()
+    Command::new(env!("CARGO_BIN_EXE_cofix-hub"))
+        .current_dir(folder)
+        .args(arguments)
+        .timeout(limits::LIMIT)
+        .assert()
 }
 
 /// The hub's last words, after checking that it failed with exit code 1 and one line.
@@ -129,15 +136,18 @@ fn outputs_that_would_overwrite_something_are_refused() {
     assert_eq!(std::fs::read_to_string(folder.path().join("live.toml")).unwrap(), session);
 }
 
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 #[test]
 fn signals_end_a_live_hub_in_order() {
     use std::io::{BufRead, BufReader};
     use std::process::{Command, Stdio};
+    limits::watch();
     for signal in ["-TERM", "-HUP", "-INT"] {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("live.toml"), "group = 'g'\n[[phone]]\nname = 'a'\n").unwrap();
-        let mut hub = Command::new(env!("CARGO_BIN_EXE_cofix-hub"))
+        // A hub that is started with SIGHUP ignored, as under `nohup`, goes on ignoring it.
+        let mut hub = Command::new("env")
+            .args(["--default-signal=HUP", env!("CARGO_BIN_EXE_cofix-hub")])
             .current_dir(folder.path())
             .args(["run", "live.toml", "--listen", "tcp/127.0.0.1:0"])
             .args(["--recording", "live.rrd", "--report", "live.json"])
@@ -149,7 +159,7 @@ fn signals_end_a_live_hub_in_order() {
         assert!(lines.any(|line| line.unwrap().contains("listens on")));
         let sent = Command::new("kill").args([signal, &hub.id().to_string()]).status().unwrap();
         assert!(sent.success());
-        assert!(hub.wait().unwrap().success(), "{signal}");
+        assert!(limits::ended(&mut hub).success(), "{signal}");
         assert!(folder.path().join("live.json").exists() && folder.path().join("live.rrd").exists());
     }
 }
@@ -161,7 +171,7 @@ fn a_recording_that_breaks_off_fails_at_the_end_and_costs_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("demo.rrd");
     assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
-    let reader = std::thread::spawn(move || {
+    let reader = limits::spawn(move || {
         let mut first = Vec::new();
         std::fs::File::open(path).unwrap().take(200_000).read_to_end(&mut first).unwrap();
     });

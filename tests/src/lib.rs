@@ -1,7 +1,9 @@
 //! What the whole-system tests share: small simulated sessions, and a hub and agents as separate parts so that faults can be put between
 //! them.
 
-use std::thread::JoinHandle;
+#[path = "../../agent/tests/limits/mod.rs"]
+pub mod limits;
+
 use std::time::Duration;
 
 use anyhow::Context;
@@ -15,6 +17,7 @@ use cofix_hub::outputs::Outputs;
 use cofix_hub::replay::Plan;
 use cofix_hub::report::Report;
 use cofix_hub::scores::Scores;
+use limits::Running;
 use zenoh::qos::CongestionControl;
 
 /// A convoy of `phones` phones for `duration_s` seconds on an open road.
@@ -43,7 +46,7 @@ pub struct Hub {
     pub endpoints: Vec<String>,
     /// Ends the hub.
     pub stop: Stop,
-    thread: JoinHandle<anyhow::Result<Report>>,
+    thread: Running<anyhow::Result<Report>>,
 }
 
 impl Hub {
@@ -82,7 +85,7 @@ impl Hub {
         .with_grace(Duration::from_secs(4));
         let stop = Stop::default();
         let asked = stop.clone();
-        let thread = std::thread::spawn(move || {
+        let thread = limits::spawn(move || {
             group.work(&events, &asked)?;
             group.see_off(&events, &asked);
             let report = group.report().0;
@@ -142,11 +145,11 @@ pub fn agent_config(plan: &Plan, phone: usize, connect: &[String]) -> anyhow::Re
 }
 
 /// An agent at work on a thread of its own.
-pub type AgentThread = JoinHandle<Result<AgentReport, AgentError>>;
+pub type AgentThread = Running<Result<AgentReport, AgentError>>;
 
 /// Starts an agent.
 pub fn start_agent(config: AgentConfig) -> AgentThread {
-    std::thread::spawn(move || cofix_agent::run(&config, &Stop::default()))
+    limits::spawn(move || cofix_agent::run(&config, &Stop::default()))
 }
 
 /// Runs the agents of all phones of a plan to their end.

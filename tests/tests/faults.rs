@@ -19,7 +19,7 @@ use cofix_common::wire::{
 };
 use cofix_hub::group::Course;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
-use cofix_tests::{Hub, agent_config, plan_of, run_agents, small_plan, start_agent};
+use cofix_tests::{Hub, agent_config, limits, plan_of, run_agents, small_plan, start_agent};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
 use zenoh::sample::Locality;
@@ -398,7 +398,7 @@ fn an_agent_that_is_stopped_without_a_receipt_fails() {
     let stop = Stop::default();
     let config = AgentConfig { speed: Speed::Times(10.0), ..agent_config(&plan, 0, &hub.endpoints).unwrap() };
     let asked = stop.clone();
-    let agent = std::thread::spawn(move || cofix_agent::run(&config, &asked));
+    let agent = limits::spawn(move || cofix_agent::run(&config, &asked));
     std::thread::sleep(Duration::from_secs(1));
     hub.end().unwrap();
     std::thread::sleep(Duration::from_millis(500));

@@ -11,7 +11,7 @@ use cofix_common::orbit::Products;
 use cofix_common::rinex::NavigationFile;
 use cofix_common::simulation::PhoneOptions;
 use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
-use cofix_tests::{plan_of, small_plan};
+use cofix_tests::{limits, plan_of, small_plan};
 use cofix_viewer::summary::Summary;
 
 fn run(plan: &Plan) -> anyhow::Result<Outcome> {
@@ -152,7 +152,7 @@ fn a_replay_that_is_aborted_leaves_a_recording_that_can_be_read() {
     let stop = Stop::default();
     let options = ReplayOptions { recording: Some(path.clone()), speed: Speed::Times(5.0), progress: false };
     let asked = stop.clone();
-    let thread = std::thread::spawn(move || replay(&small_plan(2, 60.0).unwrap(), &options, &asked));
+    let thread = limits::spawn(move || replay(&small_plan(2, 60.0).unwrap(), &options, &asked));
     std::thread::sleep(Duration::from_secs(3));
     stop.request();
     assert!(thread.join().unwrap().unwrap_err().to_string().contains("stopped"));
@@ -169,7 +169,7 @@ fn a_recording_that_breaks_off_costs_nothing_else() {
     let path = folder.path().join("session.rrd");
     assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
     let reader = path.clone();
-    let reader = std::thread::spawn(move || {
+    let reader = limits::spawn(move || {
         let mut first = Vec::new();
         std::fs::File::open(reader).unwrap().take(200_000).read_to_end(&mut first).unwrap()
     });

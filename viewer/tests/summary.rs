@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests, too
 
+#[path = "../../agent/tests/limits/mod.rs"]
+mod limits;
 #[path = "../../fusion-hub/tests/support/mod.rs"]
 mod support;
 
@@ -23,7 +25,9 @@ fn recorded() -> (TempDir, PathBuf) {
 }
 
 fn viewer() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_cofix-viewer"))
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cofix-viewer"));
+    command.timeout(limits::LIMIT);
+    command
 }
 
 fn stdout(command: &mut Command) -> String {

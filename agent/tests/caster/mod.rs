@@ -5,7 +5,6 @@
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use cofix_agent::Stop;
@@ -14,6 +13,7 @@ use cofix_agent::input::{Backoff, Connected, Trust};
 use cofix_agent::records::{Records, RecordsError};
 use rustls::{ServerConfig, ServerConnection, StreamOwned};
 
+use super::limits::{self, Running};
 use super::recordings;
 
 /// A connection of either kind.
@@ -23,7 +23,7 @@ impl<T: Read + Write> Wire for T {}
 /// A caster that gives each connection one script and closes it; it hands back the requests that it got.
 pub struct TestCaster {
     pub address: String,
-    pub thread: JoinHandle<Vec<String>>,
+    pub thread: Running<Vec<String>>,
 }
 
 impl TestCaster {
@@ -44,7 +44,7 @@ impl TestCaster {
     fn serve(scripts: Vec<Vec<Vec<u8>>>, wrap: impl Fn(TcpStream) -> Box<dyn Wire> + Send + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
-        let thread = std::thread::spawn(move || {
+        let thread = limits::spawn(move || {
             let serve = |script: Vec<Vec<u8>>| {
                 let (connection, _) = listener.accept().unwrap();
                 connection.set_nodelay(true).unwrap();

@@ -1,6 +1,7 @@
 //! Which field of a line means what: columns by the names in the log's own header.
 
-/// Columns of `Raw` lines that are used. Names as the app prints them, from the first version on.
+/// Columns of `Raw` lines that are used. Names as the app prints them, from the first version on; those of satellites and of the
+/// ionosphere since 2022, and as challenge tables call them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Raw {
     TimeNanos,
@@ -23,10 +24,28 @@ pub(super) enum Raw {
     MultipathIndicator,
     ConstellationType,
     CodeType,
+    SvPositionX,
+    SvPositionY,
+    SvPositionZ,
+    SvVelocityX,
+    SvVelocityY,
+    SvVelocityZ,
+    SvClockBias,
+    SvClockDrift,
+    IonosphericDelay,
+    TroposphericDelay,
+    KlobucharAlpha0,
+    KlobucharAlpha1,
+    KlobucharAlpha2,
+    KlobucharAlpha3,
+    KlobucharBeta0,
+    KlobucharBeta1,
+    KlobucharBeta2,
+    KlobucharBeta3,
 }
 
 /// Number of [`Raw`] columns.
-pub(super) const RAW_COLUMNS: usize = 20;
+pub(super) const RAW_COLUMNS: usize = 38;
 
 /// Names of the [`Raw`] columns in their order.
 const RAW_NAMES: [&[&str]; RAW_COLUMNS] = [
@@ -50,6 +69,24 @@ const RAW_NAMES: [&[&str]; RAW_COLUMNS] = [
     &["MultipathIndicator"],
     &["ConstellationType"],
     &["CodeType"],
+    &["SvPositionEcefXMeters", "SvPositionXEcefMeters"],
+    &["SvPositionEcefYMeters", "SvPositionYEcefMeters"],
+    &["SvPositionEcefZMeters", "SvPositionZEcefMeters"],
+    &["SvVelocityEcefXMetersPerSecond", "SvVelocityXEcefMetersPerSecond"],
+    &["SvVelocityEcefYMetersPerSecond", "SvVelocityYEcefMetersPerSecond"],
+    &["SvVelocityEcefZMetersPerSecond", "SvVelocityZEcefMetersPerSecond"],
+    &["SvClockBiasMeters"],
+    &["SvClockDriftMetersPerSecond"],
+    &["IonosphericDelayMeters"],
+    &["TroposphericDelayMeters"],
+    &["KlobucharAlpha0"],
+    &["KlobucharAlpha1"],
+    &["KlobucharAlpha2"],
+    &["KlobucharAlpha3"],
+    &["KlobucharBeta0"],
+    &["KlobucharBeta1"],
+    &["KlobucharBeta2"],
+    &["KlobucharBeta3"],
 ];
 
 /// Without these no pseudorange can be formed.
@@ -268,6 +305,8 @@ mod tests {
     fn indices_and_names_agree() {
         assert_eq!(RAW_NAMES[Raw::CodeType as usize], ["CodeType"]);
         assert_eq!(RAW_NAMES[Raw::Cn0DbHz as usize], ["Cn0DbHz"]);
+        assert_eq!(RAW_NAMES[Raw::SvPositionX as usize][0], "SvPositionEcefXMeters");
+        assert_eq!(RAW_NAMES[Raw::KlobucharBeta3 as usize], ["KlobucharBeta3"]);
         assert_eq!(FIX_NAMES[Fix::UnixTimeMillis as usize][1], "UnixTimeMillis");
         assert_eq!(STATUS_NAMES[Status::BasebandCn0DbHz as usize], ["BasebandCn0DbHz"]);
         assert_eq!(STATUS_NAMES[Status::Svid as usize], ["Svid"]);

@@ -11,9 +11,12 @@ use super::nav::NavLines;
 use super::options::Options;
 use super::raw;
 use super::recognition::Recognition;
+use super::stated;
 use super::status::{self, Reports, SignalStatus};
 use super::table::Columns;
+use crate::atmosphere::KlobucharCoefficients;
 use crate::decode::{Decoder, Record, WrongStream};
+use crate::measurement::RecordedEpoch;
 use crate::rinex::{IonosphereTerms, shorten};
 use crate::skips::Skips;
 use crate::time::GpsTime;
@@ -77,7 +80,10 @@ pub struct GnssLoggerDecoder {
     fixes: Vec<Fix>,
     reports: Reports,
     statuses: Vec<SignalStatus>,
+    /// Klobuchar's coefficients of GPS by `Raw` lines, the first.
+    klobuchar: Option<KlobucharCoefficients>,
     records: VecDeque<Record>,
+    last: Option<RecordedEpoch>,
     skips: Skips,
 }
 
@@ -103,7 +109,9 @@ impl GnssLoggerDecoder {
             fixes: Vec::new(),
             reports: Reports::default(),
             statuses: Vec::new(),
+            klobuchar: None,
             records: VecDeque::new(),
+            last: None,
             skips: Skips::default(),
         }
     }
@@ -133,9 +141,16 @@ impl GnssLoggerDecoder {
         self.epochs.glonass_channels()
     }
 
-    /// Ionosphere terms of the log's own `Nav` lines, the latest.
-    pub const fn ionosphere(&self) -> IonosphereTerms {
-        self.nav.ionosphere()
+    /// Ionosphere terms of the log's own `Nav` lines, the latest; of GPS those of its `Raw` lines, where no `Nav` line has any.
+    pub fn ionosphere(&self) -> IonosphereTerms {
+        let terms = self.nav.ionosphere();
+        IonosphereTerms { gps: terms.gps.or(self.klobuchar), ..terms }
+    }
+
+    /// The epoch of the last record with what its lines state beyond observations: states of satellites, GLONASS satellites
+    /// without a slot. `None` if they state nothing.
+    pub const fn last_recorded(&self) -> Option<&RecordedEpoch> {
+        self.last.as_ref()
     }
 
     /// Seconds that GPS time is ahead of UTC by the log's own `Nav` lines.
@@ -215,7 +230,18 @@ impl GnssLoggerDecoder {
         }
         let mut read = Fields { kind: "Raw", line: number, skips: &mut self.skips };
         let Some(fields) = self.raw.fields_of(line, &mut read) else { return };
-        let Some(raw) = raw::parse(&fields, &mut read) else { return };
+        let Some(raw) = raw::parse(&fields, &mut read) else {
+            return self.epochs.lost(raw::lost_signal(&fields));
+        };
+        if self.klobuchar.is_none() && raw.is_gps() {
+            self.klobuchar = stated::klobuchar(&fields);
+            if self.klobuchar.is_some() {
+                self.skips
+                    .add("Klobuchar terms of Raw lines, used where no navigation message has any", || {
+                        format!("line {number}")
+                    });
+            }
+        }
         self.epochs.line((number, &raw), &self.options, &mut self.skips, &mut self.records);
         self.nav.catch_up(&self.epochs, &mut self.skips, &mut self.records);
     }
@@ -266,7 +292,12 @@ impl Decoder for GnssLoggerDecoder {
     }
 
     fn next_record(&mut self) -> Option<Record> {
-        self.records.pop_front()
+        let record = self.records.pop_front()?;
+        self.last = match &record {
+            Record::Epoch(epoch) => self.epochs.recorded(epoch),
+            _ => None,
+        };
+        Some(record)
     }
 
     fn skips(&self) -> &Skips {

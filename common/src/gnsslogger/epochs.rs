@@ -2,20 +2,27 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use super::beyond::{Beyond, EpochBeyond};
 use super::clock::EpochClock;
 use super::leap::trusted_leap_seconds;
-use super::measure::{Measured, add_carrier, measure};
+use super::measure::{Measured, Refusal, add_carrier, measure};
 use super::options::Options;
-use super::raw::RawLine;
-use super::signal::satellite;
+use super::raw::{ClockFields, RawLine};
+use super::signal::{Signal, channel_only, satellite, signal};
 use crate::decode::Record;
-use crate::gnss::{EpochFlag, ObservationEpoch};
+use crate::gnss::{Constellation, EpochFlag, Observation, ObservationEpoch, SatelliteId};
+use crate::lost_locks::{LostLocks, SignalKey};
+use crate::measurement::RecordedEpoch;
 use crate::skips::Skips;
-use crate::time::GpsTime;
+use crate::time::{GpsTime, WEEKS_PER_ROLLOVER};
 use crate::time_order::{LONG_STEP_S, TimeOrder};
 
 /// Phones log raw measurements since 2016; the clocks of these years are believed (2010 to 2100), as GPS nanoseconds.
 const PLAUSIBLE_NS: std::ops::Range<i64> = 946_684_800_000_000_000..3_787_000_000_000_000_000;
+
+/// A clock that was never set shows the first day of GPS time.
+const FIRST_DAY_NS: i64 = 86_400_000_000_000;
+const WEEK_NS: i64 = 7 * FIRST_DAY_NS;
 
 /// Collects the observations of lines that share `TimeNanos` into epochs in time order.
 #[derive(Clone, Debug, Default)]
@@ -28,6 +35,9 @@ pub(super) struct Epochs {
     /// A line far ahead, the first of its epoch, that waits for a second one.
     suspect: Option<Timed>,
     glonass_channels: BTreeMap<u8, i8>,
+    locks: LostLocks,
+    /// What the lines state beyond observations.
+    beyond: Beyond,
     usual_size: usize,
 }
 
@@ -37,6 +47,7 @@ struct Current {
     number: u64,
     clock: EpochClock,
     epoch: ObservationEpoch,
+    beyond: EpochBeyond,
 }
 
 /// What a line measured, and when.
@@ -54,6 +65,12 @@ impl Timed {
 
     fn describe(&self) -> String {
         format!("line {}: {}", self.number, self.time())
+    }
+
+    /// The signal, if the line says that its lock was lost.
+    fn lost_signal(&self) -> Option<SignalKey> {
+        let observation = &self.measured.observation;
+        self.measured.is_lost.then_some((observation.satellite, observation.signal))
     }
 }
 
@@ -74,43 +91,55 @@ impl Epochs {
         records: &mut VecDeque<Record>,
     ) {
         self.count_unused(Some((number, line.clock.time_ns)), skips);
-        let satellite = match satellite(line.constellation_type, line.svid) {
-            Ok(satellite) => satellite,
-            Err(reason) => {
-                let (system, svid) = (line.constellation_type, line.svid);
-                return skips
-                    .add(reason, || format!("line {number}: ConstellationType {system}, Svid {svid}"));
-            }
-        };
-        let Some(clock) = self.clock(line, options) else {
-            let clock = line.clock;
-            return skips.add("clock outside the years 2010 to 2100", || {
-                format!("line {number}: TimeNanos {}, FullBiasNanos {}", clock.time_ns, clock.full_bias_ns)
-            });
-        };
-        let leap_seconds = trusted_leap_seconds(clock.time.gps(), line.clock.leap_seconds);
-        let mut measured = match measure(line, satellite, clock.time, leap_seconds, options) {
-            Ok(measured) => measured,
-            Err(refusal) => {
-                return skips.add(refusal.reason, || {
-                    format!("line {number}: {satellite}, {} {}", refusal.value, refusal.quantity)
-                });
-            }
-        };
-        if let Some(letter) = measured.odd_code_type {
-            skips.add("CodeType of no signal on its band (the usual one assumed; used)", || {
-                format!(
-                    "line {number}: {satellite}, {} taken as {}",
-                    letter as char, measured.observation.signal
-                )
-            });
+        let Some((satellite, signal)) = named((number, line), skips) else { return };
+        // A line without a slot is counted already.
+        let mut counted_already = Skips::default();
+        let is_counted = channel_only(line.constellation_type, line.svid).is_some();
+        let refusals = if is_counted { &mut counted_already } else { &mut *skips };
+        match self.measured((number, line), (satellite, signal), options, refusals) {
+            Some(timed) => self.place(timed, skips, records),
+            None => self.lost(line.is_lock_lost().then_some((satellite, signal.code))),
         }
-        if let Err(refusal) = add_carrier(line, &mut measured, options) {
+    }
+
+    /// Notes that a signal's lock was lost by a line that gives no observation: its next phase says so.
+    pub(super) fn lost(&mut self, signal: Option<SignalKey>) {
+        if let Some(signal) = signal {
+            self.locks.observe(signal, true, false);
+        }
+    }
+
+    /// What a line measured, and when; `None` (counted) if it is not used.
+    fn measured(
+        &self,
+        (number, line): (u64, &RawLine),
+        (satellite, signal): (SatelliteId, Signal),
+        options: &Options,
+        skips: &mut Skips,
+    ) -> Option<Timed> {
+        let Some(clock) = self.clock(line, options) else {
+            skips.add("clock outside the years 2010 to 2100", || {
+                format!("line {number}: {}", describe_clock(line.clock))
+            });
+            return None;
+        };
+        let mut refused = |refusal: Refusal| {
             skips.add(refusal.reason, || {
                 format!("line {number}: {satellite}, {} {}", refusal.value, refusal.quantity)
             });
+        };
+        let leap_seconds = trusted_leap_seconds(clock.time.gps(), line.clock.leap_seconds);
+        let measured = measure(line, (satellite, signal), clock.time, leap_seconds, options);
+        let mut measured = measured.map_err(&mut refused).ok()?;
+        if let Err(refusal) = add_carrier(line, &mut measured, options) {
+            refused(refusal);
         }
-        self.place(Timed { number, clock, measured }, skips, records);
+        if let Some(letter) = signal.odd_code_type {
+            skips.add("CodeType of no signal on its band (the usual one assumed; used)", || {
+                format!("line {number}: {satellite}, {} taken as {}", letter as char, signal.code)
+            });
+        }
+        Some(Timed { number, clock, measured })
     }
 
     /// The stream has ended.
@@ -120,6 +149,12 @@ impl Epochs {
         self.drop_suspect(skips);
         self.complete(skips, records);
         self.order.finish(None, skips, &mut |record| records.push_back(record));
+    }
+
+    /// What the lines of an epoch that was given out state beyond its observations, if anything. Nothing is kept of it and those
+    /// before it.
+    pub(super) fn recorded(&mut self, epoch: &ObservationEpoch) -> Option<RecordedEpoch> {
+        self.beyond.take(epoch, &self.glonass_channels)
     }
 
     /// Time of the last epoch.
@@ -152,17 +187,21 @@ impl Epochs {
         if let Some(clock) = before.filter(|clock| clock.fields.time_ns == line.clock.time_ns) {
             return Some(*clock);
         }
-        let clock = EpochClock::new(line.clock, before, options.bias_reference)?;
+        let shift_ns = options.shift_weeks.checked_mul(WEEK_NS)?;
+        let full_bias_ns = line.clock.full_bias_ns.checked_sub(shift_ns)?;
+        let fields = ClockFields { full_bias_ns, ..line.clock };
+        let clock = EpochClock::new(fields, before, options.bias_reference)?;
         PLAUSIBLE_NS.contains(&clock.time.whole_ns).then_some(clock)
     }
 
     fn place(&mut self, line: Timed, skips: &mut Skips, records: &mut VecDeque<Record>) {
-        if let Some(last) = &mut self.last_line {
+        if let Some(last) = self.last_line.as_mut().filter(|_| line.measured.channel_only.is_none()) {
             last.used = true;
         }
         if !self.is_open(&line) {
             let time = line.time();
             if let Some((reason, before)) = self.refuses(time) {
+                self.lost(line.lost_signal());
                 return skips.add(reason, || format!("{} after {before}", line.describe()));
             }
             let confirms =
@@ -195,6 +234,7 @@ impl Epochs {
 
     fn drop_suspect(&mut self, skips: &mut Skips) {
         if let Some(line) = self.suspect.take() {
+            self.lost(line.lost_signal());
             skips.add("line whose time is far from those around it", || line.describe());
         }
     }
@@ -202,9 +242,13 @@ impl Epochs {
     /// Opens a new epoch.
     fn begin(&mut self, line: &Timed, skips: &mut Skips, records: &mut VecDeque<Record>) {
         self.complete(skips, records);
+        if line.clock.discontinuous {
+            self.locks.lose_all();
+        }
         let observations = Vec::with_capacity(self.usual_size.max(16));
         let epoch = ObservationEpoch { time_gps: line.time(), flag: EpochFlag::Ok, observations };
-        self.current = Some(Current { number: line.number, clock: line.clock, epoch });
+        let beyond = EpochBeyond::default();
+        self.current = Some(Current { number: line.number, clock: line.clock, epoch, beyond });
     }
 
     fn push(&mut self, Timed { number, measured, .. }: Timed, skips: &mut Skips) {
@@ -212,14 +256,22 @@ impl Epochs {
         let mut observation = measured.observation;
         let (satellite, signal) = (observation.satellite, observation.signal);
         let seen = &mut current.epoch.observations;
-        if seen.iter().any(|o| o.satellite == satellite && o.signal == signal) {
+        let same = |o: &Observation| o.satellite == satellite && o.signal == signal;
+        if seen.iter().any(same) || current.beyond.by_channel().any(same) {
+            if measured.is_lost {
+                self.locks.observe((satellite, signal), true, false);
+            }
             return skips.add("signal repeated in its epoch", || {
                 format!("line {number}: {satellite} {signal} at {}", current.epoch.time_gps)
             });
         }
-        if current.clock.discontinuous && observation.carrier_phase_cycles.is_some() {
-            observation.loss_of_lock.cycle_slip = true;
+        let has_phase = observation.carrier_phase_cycles.is_some();
+        let is_lost = measured.is_lost || current.clock.discontinuous;
+        observation.loss_of_lock.cycle_slip = self.locks.observe((satellite, signal), is_lost, has_phase);
+        if let Some(channel) = measured.channel_only {
+            return current.beyond.add_by_channel(channel, observation);
         }
+        current.beyond.add_given(seen.len(), measured.given);
         seen.push(observation);
         if let Some(channel) = measured.glonass_channel {
             self.glonass_channels.insert(satellite.number, channel);
@@ -254,7 +306,54 @@ impl Epochs {
             return;
         }
         self.usual_size = observations.len();
+        self.beyond.add(current.epoch.time_gps, std::mem::take(&mut current.beyond));
         let epoch = ObservationEpoch { observations, ..current.epoch.clone() };
         self.order.epoch((current.number, epoch), None, skips, &mut |record| records.push_back(record));
     }
+}
+
+/// A clock that cannot be, and what it would be if a receiver had not rolled over its week once or twice.
+fn describe_clock(clock: ClockFields) -> String {
+    let said = format!("TimeNanos {}, FullBiasNanos {}", clock.time_ns, clock.full_bias_ns);
+    let time_ns = clock.time_ns.saturating_sub(clock.full_bias_ns);
+    let rolled_over = [1, 2].into_iter().find_map(|times: i64| {
+        let weeks = times * WEEKS_PER_ROLLOVER;
+        let time_ns = time_ns.checked_add(weeks * WEEK_NS).filter(|_| time_ns >= FIRST_DAY_NS)?;
+        PLAUSIBLE_NS.contains(&time_ns).then(|| (weeks, GpsTime::from_nanos(time_ns)))
+    });
+    let time = GpsTime::from_nanos(time_ns);
+    match rolled_over {
+        Some((weeks, later)) => format!(
+            "{said}, which is {time}; its week is probably {weeks} too low, {later} right: shift_weeks = {weeks}, or \
+             --shift-weeks {weeks}"
+        ),
+        None => said,
+    }
+}
+
+/// Satellite and signal of a line; `None` (counted) if it has none that is known. A GLONASS satellite of which the phone knows the
+/// channel only goes by its number there.
+fn named((number, line): (u64, &RawLine), skips: &mut Skips) -> Option<(SatelliteId, Signal)> {
+    let (system, svid) = (line.constellation_type, line.svid);
+    let channel = channel_only(system, svid);
+    let satellite = satellite(system, svid).map_err(|reason| {
+        skips.add(reason, || format!("line {number}: ConstellationType {system}, Svid {svid}"));
+    });
+    let by_channel = || Some(SatelliteId::new(Constellation::Glonass, u8::try_from(svid).ok()?));
+    let satellite = satellite.ok().or_else(|| channel.and_then(|_| by_channel()))?;
+    let Some(signal) = signal(satellite.constellation, line.frequency_hz, line.code_type) else {
+        // A line without a slot is counted already.
+        if channel.is_none() {
+            let frequency_hz = line.frequency_hz.unwrap_or(f64::NAN);
+            skips.add("carrier frequency of no signal of the system", || {
+                format!("line {number}: {satellite}, {frequency_hz} Hz")
+            });
+        }
+        return None;
+    };
+    let glonass_channel = signal.glonass_channel.or(channel);
+    if channel.is_some() && glonass_channel != channel {
+        return None;
+    }
+    Some((satellite, Signal { glonass_channel, ..signal }))
 }

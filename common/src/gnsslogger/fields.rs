@@ -60,9 +60,9 @@ impl Fields<'_> {
     }
 }
 
-/// An integer.
+/// An integer, in whatever notation a tool has put it.
 pub(super) fn integer(field: &[u8]) -> Option<i64> {
-    std::str::from_utf8(field).ok()?.parse().ok()
+    crate::integer::integer(std::str::from_utf8(field).ok()?)
 }
 
 /// Bits, as Android prints them: a signed 32-bit number.
@@ -73,9 +73,15 @@ pub(super) fn bits(field: &[u8]) -> Option<u32> {
 
 /// Yes or no, as 1 or 0.
 pub(super) fn flag(field: &[u8]) -> Option<bool> {
-    match field {
-        b"1" | b"true" => Some(true),
-        b"0" | b"false" => Some(false),
+    if field.eq_ignore_ascii_case(b"true") {
+        return Some(true);
+    }
+    if field.eq_ignore_ascii_case(b"false") {
+        return Some(false);
+    }
+    match integer(field)? {
+        1 => Some(true),
+        0 => Some(false),
         _ => None,
     }
 }
@@ -101,5 +107,7 @@ mod tests {
         assert_eq!(bits(b"-1"), Some(u32::MAX));
         assert_eq!((flag(b"1"), flag(b"false"), flag(b"2")), (Some(true), Some(false), None));
         assert_eq!(bits(b"65551"), Some(65_551));
+        assert_eq!((bits(b"1.6397e+04"), bits(b"16397.0"), bits(b"1.5")), (Some(16_397), Some(16_397), None));
+        assert_eq!((flag(b"1.0"), flag(b"False"), flag(b"")), (Some(true), Some(false), None));
     }
 }

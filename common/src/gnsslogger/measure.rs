@@ -1,16 +1,17 @@
 //! One `Raw` line to one observation: masks, pseudorange, Doppler, phase.
 
-use super::options::{Masks, Options};
+use super::options::{KnownTime, Masks, Options};
 use super::pseudorange::{ReceiveTime, TransmitScale};
 use super::raw::RawLine;
-use super::signal::signal;
-use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId};
+use super::signal::{Signal, channel_only};
+use crate::gnss::{LossOfLock, Observation, SatelliteId};
+use crate::measurement::GivenCorrections;
 
 /// Bits of `AccumulatedDeltaRangeState` (Android API).
-mod range_state {
+pub(super) mod range_state {
     pub(super) const VALID: u32 = 1;
-    pub(super) const RESET: u32 = 1 << 1;
-    pub(super) const CYCLE_SLIP: u32 = 1 << 2;
+    /// The lock was lost since the last measurement of the signal: reset or cycle slip.
+    pub(in super::super) const LOST: u32 = 1 << 1 | 1 << 2;
     pub(super) const HALF_CYCLE_RESOLVED: u32 = 1 << 3;
     pub(super) const HALF_CYCLE_REPORTED: u32 = 1 << 4;
 }
@@ -42,25 +43,24 @@ const fn refuse<T>(reason: &'static str, quantity: &'static str, value: f64) -> 
 pub(super) struct Measured {
     pub(super) observation: Observation,
     pub(super) glonass_channel: Option<i8>,
-    /// The line's `CodeType`, where the band has no such signal.
-    pub(super) odd_code_type: Option<u8>,
+    /// The same where the phone knows nothing else of the satellite.
+    pub(super) channel_only: Option<i8>,
+    /// The line says that the lock was lost, whether or not it has a phase.
+    pub(super) is_lost: bool,
+    /// Satellite state and delays by the line.
+    pub(super) given: Option<GivenCorrections>,
 }
 
 /// Forms the observation of a line. `clock` is the epoch's time, `leap_seconds` that of GLONASS' scale.
 pub(super) fn measure(
     line: &RawLine,
-    satellite: SatelliteId,
+    (satellite, signal): (SatelliteId, Signal),
     clock: ReceiveTime,
     leap_seconds: i64,
     options: &Options,
 ) -> Result<Measured, Refusal> {
-    let constellation = satellite.constellation;
     let masks = &options.masks;
-    let Some(signal) = signal(constellation, line.frequency_hz, line.code_type) else {
-        let frequency = line.frequency_hz.unwrap_or(f64::NAN);
-        return refuse("carrier frequency of no signal of the system", "Hz", frequency);
-    };
-    let scale = scale(line.state, constellation, leap_seconds, masks)?;
+    let scale = scale(line.state, satellite, leap_seconds, masks)?;
     check(line, masks)?;
     let receive = ReceiveTime { fraction_ns: clock.fraction_ns + line.time_offset_ns, ..clock };
     let pseudorange_m = scale.pseudorange_m(receive, line.received_sv_time_ns).unwrap_or(f64::NAN);
@@ -79,12 +79,14 @@ pub(super) fn measure(
             loss_of_lock: LossOfLock::default(),
         },
         glonass_channel: signal.glonass_channel,
-        odd_code_type: signal.odd_code_type,
+        channel_only: channel_only(line.constellation_type, line.svid),
+        is_lost: line.is_lock_lost(),
+        given: line.given,
     })
 }
 
 /// Adds Doppler (−rate/λ) and phase (delta range/λ, which grows with the distance as in RINEX) with the nominal
-/// wavelength of the signal, and says what of them is refused.
+/// wavelength of the signal, and says what of them is refused. Whether the lock was lost is for the epochs to say.
 pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Options) -> Result<(), Refusal> {
     let observation = &mut measured.observation;
     let valid = line.range_state & range_state::VALID != 0;
@@ -103,11 +105,8 @@ pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Opt
     }
     observation.carrier_phase_cycles = phase_cycles;
     if observation.carrier_phase_cycles.is_some() {
-        observation.loss_of_lock = LossOfLock {
-            cycle_slip: set(range_state::RESET) || set(range_state::CYCLE_SLIP),
-            half_cycle: set(range_state::HALF_CYCLE_REPORTED) && !set(range_state::HALF_CYCLE_RESOLVED),
-            ..LossOfLock::default()
-        };
+        observation.loss_of_lock.half_cycle =
+            set(range_state::HALF_CYCLE_REPORTED) && !set(range_state::HALF_CYCLE_RESOLVED);
     }
     let uncertainty = line.rate_uncertainty_mps.unwrap_or(0.0);
     if uncertainty > options.masks.max_rate_uncertainty_mps {
@@ -124,20 +123,17 @@ pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Opt
 /// In which scale the time of transmission counts, by the state bits.
 fn scale(
     state: u32,
-    constellation: Constellation,
+    satellite: SatelliteId,
     leap_seconds: i64,
     masks: &Masks,
 ) -> Result<TransmitScale, Refusal> {
-    let rule = masks.states.of(constellation);
-    if !rule.passes(state) {
-        return refuse("mask: state bits", "State", f64::from(state));
-    }
-    // That the code is tracked says nothing about the time, even where it is let pass for it.
-    let vouched = state & rule.timed & !rule.tracked != 0;
-    if !vouched && state & rule.timed_100_ms != 0 {
-        Ok(TransmitScale::hundred_ms())
-    } else {
-        Ok(TransmitScale::full(constellation, leap_seconds))
+    let scale = TransmitScale::full(satellite.constellation, leap_seconds);
+    match masks.states.of(satellite.constellation).known_time(state) {
+        Some(KnownTime::Complete) => Ok(scale),
+        // Geostationary BeiDou satellites have subframes of 0.6 s only, by whichever bit the lock on them is told.
+        Some(KnownTime::Modulo(6_000)) if satellite.is_beidou_geostationary() => Ok(scale.modulo(600)),
+        Some(KnownTime::Modulo(period_ms)) => Ok(scale.modulo(period_ms)),
+        None => refuse("mask: state bits", "State", f64::from(state)),
     }
 }
 

@@ -7,6 +7,7 @@
 //! Pseudoranges are c·(t_rx − t_tx) with t_rx by the phone's clock fields, in whole nanoseconds. Masks
 //! ([`Masks`]) and everything else that costs a measurement are counted by name.
 
+mod beyond;
 mod clock;
 mod columns;
 mod decoder;
@@ -23,10 +24,12 @@ mod pseudorange;
 mod raw;
 mod recognition;
 mod signal;
+mod stated;
 mod status;
 mod table;
 
 pub use decoder::GnssLoggerDecoder;
 pub use fix::{Fix, FixProvider};
-pub use options::{BiasReference, Masks, Options, StateRule, StateRules, state};
+pub use options::{BiasReference, KnownTime, Masks, ModularTime, Options, StateRule, StateRules, state};
+pub(crate) use signal::satellite as android_satellite;
 pub use status::SignalStatus;

@@ -1,5 +1,6 @@
 //! `Nav` lines to pieces of navigation messages.
 
+use super::fields::integer;
 use super::signal::satellite;
 use crate::gnss::SatelliteId;
 use crate::navbits::{GlonassLabel, GlonassName, ReceiverCheck};
@@ -73,7 +74,7 @@ pub(super) fn parse(number: u64, line: &[u8], skips: &mut Skips) -> Option<Messa
 }
 
 fn head<'a>(fields: &mut impl Iterator<Item = &'a [u8]>) -> Option<Head> {
-    let mut next = || std::str::from_utf8(fields.next()?.trim_ascii()).ok()?.parse::<i64>().ok();
+    let mut next = || integer(fields.next()?.trim_ascii());
     // In the order of the line.
     Some(Head { svid: next()?, kind: next()?, status: next()?, message: next()?, sub_message: next()? })
 }
@@ -113,7 +114,7 @@ fn message_bytes<'a>(fields: impl Iterator<Item = &'a [u8]>) -> Option<([u8; MAX
     let mut bytes = [0; MAX_BYTES];
     let mut length = 0;
     for field in fields {
-        let value: i16 = std::str::from_utf8(field.trim_ascii()).ok()?.parse().ok()?;
+        let value = integer(field.trim_ascii())?;
         let byte = i8::try_from(value).map(i8::cast_unsigned).or_else(|_| u8::try_from(value)).ok()?;
         *bytes.get_mut(length)? = byte;
         length += 1;

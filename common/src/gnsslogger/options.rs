@@ -25,6 +25,8 @@ pub struct Options {
     pub bias_reference: BiasReference,
     /// What is not used.
     pub masks: Masks,
+    /// Weeks to add to the phone's time, for a phone whose week is wrong: 1,024 where it was not rolled over.
+    pub shift_weeks: i64,
     /// Give carrier phases also where the phone does not call them valid (bit 0 of `AccumulatedDeltaRangeState`).
     pub keep_invalid_phase: bool,
 }
@@ -83,20 +85,40 @@ impl Masks {
 pub mod state {
     /// Code lock.
     pub const CODE_LOCK: u32 = 1;
+    /// Lock on the subframes, of 6 s, of GPS, QZSS, BeiDou D1 and NavIC (whose own last 12 s).
+    pub const SUBFRAME_SYNC: u32 = 1 << 2;
     /// Time of week decoded from the signal.
     pub const TOW_DECODED: u32 = 1 << 3;
     /// The time is known only modulo some milliseconds.
     pub const MSEC_AMBIGUOUS: u32 = 1 << 4;
+    /// Lock on GLONASS' strings, of 2 s.
+    pub const GLO_STRING_SYNC: u32 = 1 << 6;
     /// GLONASS time of day decoded from the signal.
     pub const GLO_TOD_DECODED: u32 = 1 << 7;
+    /// Lock on the subframes, of 0.6 s, of BeiDou D2.
+    pub const BDS_D2_SUBFRAME_SYNC: u32 = 1 << 9;
     /// Lock on Galileo's E1B or E1C code.
     pub const GAL_E1BC_CODE_LOCK: u32 = 1 << 10;
     /// Lock on Galileo E1C's secondary code, which lasts 100 ms.
     pub const GAL_E1C_2ND_CODE_LOCK: u32 = 1 << 11;
+    /// Lock on Galileo E1B's pages, of 2 s.
+    pub const GAL_E1B_PAGE_SYNC: u32 = 1 << 12;
+    /// Lock on the messages of augmentation satellites, of 1 s.
+    pub const SBAS_SYNC: u32 = 1 << 13;
     /// Time of week known by other means than this signal.
     pub const TOW_KNOWN: u32 = 1 << 14;
     /// GLONASS time of day known by other means than this signal.
     pub const GLO_TOD_KNOWN: u32 = 1 << 15;
+}
+
+/// A state that gives the time of transmission modulo a period, which the phone's own time resolves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModularTime {
+    /// Any of these bits says so; none if 0.
+    pub bits: u32,
+    /// The period, ms.
+    pub period_ms: u32,
 }
 
 /// State bits that a measurement must and must not have.
@@ -107,11 +129,19 @@ pub struct StateRule {
     pub tracked: u32,
     /// At least one of these must be set: the time of transmission is complete.
     pub timed: u32,
-    /// Or one of these: the time is known modulo 100 ms, which the travel time of 65 to 100 ms resolves. Taken where none of
-    /// `timed` but those of `tracked` is set.
-    pub timed_100_ms: u32,
-    /// None of these may be set.
+    /// Or else one of these: the time is known modulo a period. The longer period comes first.
+    pub modular: [ModularTime; 2],
+    /// None of these may be set where the time is not complete.
     pub forbidden: u32,
+}
+
+/// How much of the time of transmission state bits vouch for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KnownTime {
+    /// All of it; or it is believed without any bit (see [`StateRules::untimed`]).
+    Complete,
+    /// The time modulo a period, ms.
+    Modulo(u32),
 }
 
 /// The rule of each system.
@@ -135,11 +165,29 @@ pub struct StateRules {
 }
 
 impl StateRule {
-    /// Whether state bits pass: the code is tracked, and the time of transmission known, if need be modulo 100 ms.
-    pub const fn passes(self, state: u32) -> bool {
-        state & self.tracked != 0
-            && state & self.forbidden == 0
-            && state & (self.timed | self.timed_100_ms) != 0
+    /// How much of the time of transmission is known where the code is tracked; `None` if that is not enough to use it.
+    ///
+    /// A phone may call a code's milliseconds ambiguous that it has put right by the time of week (L5 beside L1 on chips of
+    /// 2018): a complete time is believed all the same.
+    pub fn known_time(self, state: u32) -> Option<KnownTime> {
+        if state & self.tracked == 0 {
+            return None;
+        }
+        // That the code is tracked says nothing about the time, even where it is let pass for it.
+        if state & self.timed & !self.tracked != 0 {
+            return Some(KnownTime::Complete);
+        }
+        if state & self.forbidden != 0 {
+            return None;
+        }
+        let modular = self.modular.iter().find(|modular| state & modular.bits != 0);
+        let modulo = modular.map(|modular| KnownTime::Modulo(modular.period_ms));
+        modulo.or((state & self.timed != 0).then_some(KnownTime::Complete))
+    }
+
+    /// Whether state bits pass: the code is tracked, and enough of the time of transmission known.
+    pub fn passes(self, state: u32) -> bool {
+        self.known_time(state).is_some()
     }
 
     /// The code alone suffices: the time of transmission is believed without the bits that vouch for it.
@@ -180,24 +228,37 @@ impl StateRules {
 
 impl Default for StateRules {
     fn default() -> Self {
+        use state::{
+            BDS_D2_SUBFRAME_SYNC, GAL_E1B_PAGE_SYNC, GAL_E1C_2ND_CODE_LOCK, GLO_STRING_SYNC, SBAS_SYNC,
+            SUBFRAME_SYNC,
+        };
+        let modulo = |bits, period_ms| ModularTime { bits, period_ms };
+        let none = ModularTime::default();
         let week = StateRule {
             tracked: state::CODE_LOCK,
             timed: state::TOW_DECODED | state::TOW_KNOWN,
-            timed_100_ms: 0,
+            modular: [modulo(SUBFRAME_SYNC, 6_000), none],
             forbidden: state::MSEC_AMBIGUOUS,
         };
         Self {
             gps: week,
-            glonass: StateRule { timed: state::GLO_TOD_DECODED | state::GLO_TOD_KNOWN, ..week },
-            galileo: StateRule {
-                tracked: state::CODE_LOCK | state::GAL_E1BC_CODE_LOCK,
-                timed_100_ms: state::GAL_E1C_2ND_CODE_LOCK,
+            glonass: StateRule {
+                timed: state::GLO_TOD_DECODED | state::GLO_TOD_KNOWN,
+                modular: [modulo(GLO_STRING_SYNC, 2_000), none],
                 ..week
             },
-            beidou: week,
+            galileo: StateRule {
+                tracked: state::CODE_LOCK | state::GAL_E1BC_CODE_LOCK,
+                modular: [modulo(GAL_E1B_PAGE_SYNC, 2_000), modulo(GAL_E1C_2ND_CODE_LOCK, 100)],
+                ..week
+            },
+            beidou: StateRule {
+                modular: [modulo(SUBFRAME_SYNC, 6_000), modulo(BDS_D2_SUBFRAME_SYNC, 600)],
+                ..week
+            },
             qzss: week,
             navic: week,
-            sbas: week,
+            sbas: StateRule { modular: [modulo(SBAS_SYNC, 1_000), none], ..week },
         }
     }
 }

@@ -2,8 +2,9 @@
 //!
 //! P = c·(t_rx − t_tx), t_rx = TimeNanos + TimeOffsetNanos − (FullBiasNanos + BiasNanos), t_tx = ReceivedSvTimeNanos
 //! (Android API; GSA White Paper "Using GNSS raw measurements on Android devices", 2.4). The whole nanoseconds, 10¹⁸ of
-//! them, are integers throughout: a double would lose 128 ns, or 38 m. t_tx comes without its week (or day, or 100 ms), so the
-//! difference is known modulo that period, and travel times of 0.07 to 0.14 s make it unique.
+//! them, are integers throughout: a double would lose 128 ns, or 38 m. t_tx comes without its week (or day, or without what goes
+//! beyond a subframe, page, string or secondary code), so the difference is known modulo that period, and travel times of 0.07 to
+//! 0.14 s make it unique.
 
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::gnss::Constellation;
@@ -12,10 +13,10 @@ use crate::time::GpsTime;
 const NANOS: i64 = 1_000_000_000;
 const WEEK_NS: i64 = 604_800 * NANOS;
 const DAY_NS: i64 = 86_400 * NANOS;
-const HUNDRED_MS_NS: i64 = NANOS / 10;
-/// Times of travel that are known modulo 100 ms are taken from here on: Galileo's, of 77 to 97 ms, stand in the middle of
-/// what follows, so that a clock may be off by 40 ms either way.
-const SHORTEST_OF_100_MS_NS: i64 = 37 * NANOS / 1_000;
+const NANOS_PER_MILLI: i64 = NANOS / 1_000;
+/// Times of travel that are known modulo a period are taken from half of it before this on to half of it after. Galileo's,
+/// of 77 to 97 ms, stand in the middle of 100 ms then, so that a clock may be off by 40 ms either way.
+const MIDDLE_TRAVEL_NS: i64 = 87 * NANOS_PER_MILLI;
 const BEIDOU_BEHIND_GPS_NS: i64 = 14 * NANOS;
 const GLONASS_AHEAD_OF_UTC_NS: i64 = 3 * 3_600 * NANOS;
 /// Metres that light travels in a nanosecond.
@@ -61,9 +62,10 @@ impl TransmitScale {
         Self { period_ns, ahead_ns, shortest_ns: -period_ns / 100 }
     }
 
-    /// Time modulo the 100 ms of Galileo's secondary code.
-    pub(super) const fn hundred_ms() -> Self {
-        Self { period_ns: HUNDRED_MS_NS, ahead_ns: 0, shortest_ns: SHORTEST_OF_100_MS_NS }
+    /// The same of which only the time modulo a period is known, which weeks and days are multiples of.
+    pub(super) fn modulo(self, period_ms: u32) -> Self {
+        let period_ns = i64::from(period_ms.max(1)) * NANOS_PER_MILLI;
+        Self { period_ns, shortest_ns: MIDDLE_TRAVEL_NS - period_ns / 2, ..self }
     }
 
     /// Pseudorange, m. `None` on overflow.
@@ -135,12 +137,40 @@ mod tests {
             prop_assert_eq!(glonass.pseudorange_m(receive, of_day), Some(expected));
         }
 
-        /// A Galileo signal of known 100 ms phase, from 77.5 to 97 ms away, clock within 39 ms.
+        /// Times modulo a period are enough for clocks that are off by less than half of it, whatever else the time has.
         #[test]
-        fn hundred_ms_are_enough(sent in 1_000_000_000_000_000_000_i64..1_500_000_000_000_000_000, travel_ns in 38_000_000_i64..136_000_000) {
+        fn periods_are_resolved_by_the_phones_time(
+            sent in 1_000_000_000_000_000_000_i64..1_500_000_000_000_000_000,
+            travel_ns in 38_000_000_i64..136_000_000,
+            leap_seconds in 15..20_i64,
+        ) {
             let receive = ReceiveTime { whole_ns: sent + travel_ns, fraction_ns: 0.0 };
-            let range = TransmitScale::hundred_ms().pseudorange_m(receive, sent.rem_euclid(HUNDRED_MS_NS));
-            prop_assert_eq!(range, Some(travel_ns as f64 * METRES_PER_NS));
+            for (system, period_ms) in [
+                (Constellation::Galileo, 100),
+                (Constellation::Galileo, 2_000),
+                (Constellation::Gps, 6_000),
+                (Constellation::Beidou, 600),
+                (Constellation::Beidou, 6_000),
+                (Constellation::Glonass, 2_000),
+                (Constellation::Sbas, 1_000),
+            ] {
+                let ahead_ns = match system {
+                    Constellation::Glonass => GLONASS_AHEAD_OF_UTC_NS - leap_seconds * NANOS,
+                    Constellation::Beidou => -BEIDOU_BEHIND_GPS_NS,
+                    _ => 0,
+                };
+                let scale = TransmitScale::full(system, leap_seconds).modulo(period_ms);
+                let reading = (sent + ahead_ns).rem_euclid(i64::from(period_ms) * NANOS_PER_MILLI);
+                let half_ns = i64::from(period_ms) * NANOS_PER_MILLI / 2;
+                for off_ns in [0, 70_000_000 - half_ns, half_ns - 70_000_000] {
+                    let off = ReceiveTime { whole_ns: receive.whole_ns + off_ns, ..receive };
+                    let expected = (travel_ns + off_ns) as f64 * METRES_PER_NS;
+                    if period_ms == 100 && off_ns != 0 {
+                        continue;
+                    }
+                    prop_assert_eq!(scale.pseudorange_m(off, reading), Some(expected), "{:?} {}", system, period_ms);
+                }
+            }
         }
     }
 }

@@ -2,6 +2,11 @@
 
 use super::columns::{RAW_COLUMNS, Raw};
 use super::fields::{Fields, bits, integer, real};
+use super::measure::range_state;
+use super::signal::{satellite, signal};
+use super::stated;
+use crate::lost_locks::SignalKey;
+use crate::measurement::GivenCorrections;
 
 /// What a `Raw` line says; units as in its column names.
 #[derive(Clone, Copy, Debug)]
@@ -21,6 +26,7 @@ pub(super) struct RawLine {
     pub(super) frequency_hz: Option<f64>,
     pub(super) multipath: bool,
     pub(super) code_type: Option<u8>,
+    pub(super) given: Option<GivenCorrections>,
 }
 
 /// The phone's clock, which is the same in all lines of an epoch.
@@ -32,6 +38,37 @@ pub(super) struct ClockFields {
     pub(super) bias_uncertainty_ns: Option<f64>,
     pub(super) discontinuities: Option<i64>,
     pub(super) leap_seconds: Option<i64>,
+}
+
+impl RawLine {
+    /// Whether the satellite is one of GPS.
+    pub(super) const fn is_gps(&self) -> bool {
+        self.constellation_type == 1
+    }
+
+    /// Whether the phone says that the signal's lock was lost.
+    pub(super) const fn is_lock_lost(&self) -> bool {
+        self.range_state & range_state::LOST != 0
+    }
+}
+
+/// The signal of a line that says that its lock was lost, whatever else of the line cannot be read.
+pub(super) fn lost_signal(fields: &[&[u8]; RAW_COLUMNS]) -> Option<SignalKey> {
+    let at = |column: Raw| fields.get(column as usize).copied().unwrap_or_default();
+    if bits(at(Raw::AccumulatedDeltaRangeState))? & range_state::LOST == 0 {
+        return None;
+    }
+    let satellite = satellite(integer(at(Raw::ConstellationType))?, integer(at(Raw::Svid))?).ok()?;
+    let signal =
+        signal(satellite.constellation, real(at(Raw::CarrierFrequencyHz)), code_type(at(Raw::CodeType)))?;
+    Some((satellite, signal.code))
+}
+
+const fn code_type(field: &[u8]) -> Option<u8> {
+    match field {
+        [letter @ b'A'..=b'Z'] => Some(*letter),
+        _ => None,
+    }
 }
 
 /// Reads the fields of a line; `None` (counted) when a needed one is missing or is no number.
@@ -61,11 +98,9 @@ pub(super) fn parse(fields: &[&[u8]; RAW_COLUMNS], read: &mut Fields<'_>) -> Opt
             .unwrap_or(0),
         range_m: read.optional("AccumulatedDeltaRangeMeters", at(Raw::AccumulatedDeltaRange), real),
         frequency_hz: read.optional("CarrierFrequencyHz", at(Raw::CarrierFrequencyHz), real),
-        multipath: at(Raw::MultipathIndicator) == b"1",
-        code_type: match at(Raw::CodeType) {
-            [letter @ b'A'..=b'Z'] => Some(*letter),
-            _ => None,
-        },
+        multipath: integer(at(Raw::MultipathIndicator)) == Some(1),
+        code_type: code_type(at(Raw::CodeType)),
+        given: stated::corrections(fields, read),
     })
 }
 

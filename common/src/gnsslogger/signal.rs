@@ -66,7 +66,7 @@ const BANDS: [(Constellation, &[Band]); 7] = [
 ];
 
 /// The satellite of `ConstellationType` and `Svid` (Android API, `GnssStatus.getSvid`), or the reason why there is none.
-pub(super) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteId, &'static str> {
+pub(crate) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteId, &'static str> {
     use Constellation::{Beidou, Galileo, Glonass, Gps, Navic, Qzss, Sbas};
     let (constellation, number) = match (constellation_type, svid) {
         (1, 1..=32) => (Gps, svid),
@@ -74,6 +74,8 @@ pub(super) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteI
         (3, 1..=32) => (Glonass, svid),
         (3, 93..=106) => return Err("GLONASS satellite known by its frequency channel only"),
         (4, 193..=202) => (Qzss, svid - 192),
+        // As in the challenge tables of 2021.
+        (4, 1..=10) => (Qzss, svid),
         (5, 1..=63) => (Beidou, svid),
         // Some chips count from 201 on.
         (5, 201..=263) => (Beidou, svid - 200),
@@ -84,6 +86,13 @@ pub(super) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteI
     };
     let number = u8::try_from(number).map_err(|_| "satellite number outside its system")?;
     Ok(SatelliteId::new(constellation, number))
+}
+
+/// The frequency channel of a GLONASS satellite of which the phone knows nothing else: `Svid` 93 to 106 are 100 more than it
+/// (Android API, `GnssStatus.getSvid`).
+pub(super) fn channel_only(constellation_type: i64, svid: i64) -> Option<i8> {
+    let channel = i8::try_from(svid.checked_sub(100)?).ok()?;
+    (constellation_type == 3 && (-7..=6).contains(&channel)).then_some(channel)
 }
 
 /// A signal and, for GLONASS, its frequency channel.
@@ -165,6 +174,14 @@ mod tests {
             (0, 7, "unknown constellation type"),
         ] {
             assert_eq!(named(kind, svid), expected, "{kind} {svid}");
+        }
+    }
+
+    #[test]
+    fn channels_are_a_hundred_below_the_number() {
+        assert_eq!((channel_only(3, 93), channel_only(3, 106)), (Some(-7), Some(6)));
+        for (kind, svid) in [(3, 92), (3, 107), (1, 100), (3, 24), (3, i64::MIN), (3, 356)] {
+            assert_eq!(channel_only(kind, svid), None, "{kind} {svid}");
         }
     }
 

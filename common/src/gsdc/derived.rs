@@ -4,93 +4,27 @@ use std::collections::{BTreeMap, VecDeque};
 
 use super::columns::Columns;
 use super::line::{Lines, fields};
-use super::row::{self, Row};
+use super::losses::Losses;
+use super::row::{self, Row, Shift};
 use crate::decode::{Decoder, Record, WrongStream};
-use crate::gnss::{EpochFlag, Observation, ObservationEpoch};
 use crate::gnsslogger::Masks;
-use crate::measurement::{Corrector, GivenCorrections, PreparedObservation};
+use crate::measurement::{RecordedEpoch, RecordedObservation};
 use crate::skips::Skips;
-use crate::time::GpsTime;
+use crate::time::{GpsTime, SECONDS_PER_WEEK};
 use crate::time_order::{DAY_S, LONG_STEP_S};
 
 /// An epoch is complete when a row this much later comes, s: rows need not be in order of time within this span.
 const REORDER_S: f64 = 60.0;
 /// So many epochs wait at most; of a minute at 10 Hz there are 600.
 const MAX_OPEN: usize = 2_000;
-
-/// One satellite's signal at one epoch.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DerivedObservation {
-    /// The raw observation.
-    pub observation: Observation,
-    /// Carrier frequency, Hz, where it is known.
-    pub frequency_hz: Option<f64>,
-    /// Satellite state and corrections as the table gives them; `None` where they are missing.
-    pub given: Option<GivenCorrections>,
-}
-
-/// The rows of one epoch.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DerivedEpoch {
-    /// Receive time by the phone's clock, GPS time. The tables of 2021 cut it to a millisecond; the first row's transmission and
-    /// pseudorange tell the rest.
-    pub time_gps: GpsTime,
-    /// One per satellite and signal, in file order.
-    pub observations: Vec<DerivedObservation>,
-}
-
-impl DerivedEpoch {
-    /// The raw observations, to be corrected with other products.
-    pub fn to_observations(&self) -> ObservationEpoch {
-        ObservationEpoch {
-            time_gps: self.time_gps,
-            flag: EpochFlag::Ok,
-            observations: self.observations.iter().map(|derived| derived.observation).collect(),
-        }
-    }
-
-    /// Whether any of the observations has corrections of its own.
-    pub fn has_corrections(&self) -> bool {
-        self.observations.iter().any(|derived| derived.given.is_some())
-    }
-
-    /// The observations with the table's own satellite states and corrections, in place of [`Corrector::prepare`];
-    /// [`Corrector::finish`] then sees them from a position. Observations to which the table gives none are prepared with
-    /// the corrector's products.
-    pub fn prepare(&self, corrector: &mut Corrector) -> Vec<PreparedObservation> {
-        let mut others = ObservationEpoch { observations: Vec::new(), ..self.to_observations() };
-        let mut given = Vec::with_capacity(self.observations.len());
-        for DerivedObservation { observation, frequency_hz, given: corrections } in &self.observations {
-            match corrections {
-                Some(corrections) => {
-                    given.extend(corrector.prepare_given(
-                        observation,
-                        *frequency_hz,
-                        self.time_gps,
-                        corrections,
-                    ));
-                }
-                None => others.observations.push(*observation),
-            }
-        }
-        let mut prepared = corrector.pairs(given);
-        prepared.extend(corrector.prepare(&others));
-        prepared
-    }
-
-    /// The observations with the corrector's products. Of the table only the phone's own uncertainties are taken, for want of
-    /// C/N0.
-    pub fn prepare_with_products(&self, corrector: &mut Corrector) -> Vec<PreparedObservation> {
-        let code_sigma_m = |index: usize| self.observations.get(index)?.given?.code_sigma_m;
-        corrector.prepare_weighted(&self.to_observations(), code_sigma_m)
-    }
-}
+/// Arrivals of one epoch differ by less than this, s: they are all the same but for rounding.
+const SAME_ARRIVAL_S: f64 = 0.000_5;
 
 /// A whole table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DerivedFile {
     /// Epochs, in time order.
-    pub epochs: Vec<DerivedEpoch>,
+    pub epochs: Vec<RecordedEpoch>,
     /// What was skipped.
     pub skips: Skips,
 }
@@ -114,8 +48,10 @@ impl DerivedFile {
 pub struct DerivedDecoder {
     lines: Lines,
     state: Table,
-    ready: VecDeque<DerivedEpoch>,
-    last: Option<DerivedEpoch>,
+    ready: VecDeque<RecordedEpoch>,
+    last: Option<RecordedEpoch>,
+    /// What is added to times, s.
+    shift_s: f64,
     skips: Skips,
 }
 
@@ -127,13 +63,16 @@ struct Table {
     /// Once the header was read.
     columns: Option<Result<Columns, WrongStream>>,
     /// Epochs to which rows may still come.
-    open: BTreeMap<GpsTime, DerivedEpoch>,
+    open: BTreeMap<GpsTime, RecordedEpoch>,
     /// The latest time that is believed.
     latest: Option<GpsTime>,
     /// A time far ahead that waits for a later one.
     suspect: Option<GpsTime>,
     /// Up to here epochs were given out.
     closed: Option<GpsTime>,
+    /// A row whose epoch is off by no whole number of seconds, which waits for another one with the same arrival.
+    irregular: Option<(u64, Row)>,
+    losses: Losses,
 }
 
 impl DerivedDecoder {
@@ -142,13 +81,20 @@ impl DerivedDecoder {
         Self { state: Table { masks, ..Table::default() }, ..Self::default() }
     }
 
+    /// The same for a table whose week is wrong: so many weeks are added to its times.
+    #[must_use]
+    pub fn with_shift(self, weeks: i64) -> Self {
+        Self { shift_s: weeks as f64 * SECONDS_PER_WEEK, ..self }
+    }
+
     /// The next epoch with its corrections, in time order; `None` until more bytes come.
-    pub fn next_epoch(&mut self) -> Option<DerivedEpoch> {
-        self.ready.pop_front()
+    pub fn next_epoch(&mut self) -> Option<RecordedEpoch> {
+        let epoch = self.ready.pop_front()?;
+        Some(RecordedEpoch { time_gps: epoch.time_gps + self.shift_s, ..epoch })
     }
 
     /// The epoch of the last record, with its corrections.
-    pub const fn last_epoch(&self) -> Option<&DerivedEpoch> {
+    pub const fn last_epoch(&self) -> Option<&RecordedEpoch> {
         self.last.as_ref()
     }
 }
@@ -162,8 +108,14 @@ impl Table {
         match &self.columns {
             None => self.columns = Some(Columns::find(&fields).map_err(|reason| WrongStream { reason })),
             Some(Ok(columns)) => match row::read(columns, &self.masks, &fields) {
+                Ok(row) if matches!(row.shift, Shift::Irregular(_)) => self.irregular(number, row, skips),
                 Ok(row) => self.row(number, row, skips),
-                Err(fault) => skips.add(fault.reason, || format!("line {number}: {}", fault.detail)),
+                Err(fault) => {
+                    if let Some((signal, time)) = row::lost_signal(columns, &fields) {
+                        self.losses.note(signal, time, self.latest);
+                    }
+                    skips.add(fault.reason, || format!("line {number}: {}", fault.detail));
+                }
             },
             Some(Err(_)) => {}
         }
@@ -176,26 +128,60 @@ impl Table {
         }
     }
 
+    /// Takes a row whose arrival is its epoch, once another row confirms it.
+    fn irregular(&mut self, number: u64, row: Row, skips: &mut Skips) {
+        let arrival = row.received_gps;
+        let is_same = |time: GpsTime| (arrival - time).abs() < SAME_ARRIVAL_S;
+        let near = self.open.range(arrival - SAME_ARRIVAL_S..=arrival + SAME_ARRIVAL_S);
+        let open = near.map(|(time_gps, _)| *time_gps).find(|time_gps| is_same(*time_gps));
+        let pending = self.irregular.take_if(|(_, other)| is_same(other.received_gps));
+        let Some(time_gps) = open.or(pending.as_ref().map(|(_, other)| other.time_gps)) else {
+            self.drop_irregular(skips);
+            self.irregular = Some((number, row));
+            return;
+        };
+        for (number, row) in pending.into_iter().chain([(number, row)]) {
+            self.row(number, Row { time_gps, ..row }, skips);
+        }
+    }
+
+    /// Leaves out the row that waits for another one with the same arrival.
+    fn drop_irregular(&mut self, skips: &mut Skips) {
+        if let Some((number, row)) = self.irregular.take()
+            && let Shift::Irregular(late_s) = row.shift
+        {
+            let fault = row::contradiction(row.received_gps + late_s, late_s);
+            skips.add(fault.reason, || format!("line {number}: {}", fault.detail));
+        }
+    }
+
     fn row(&mut self, number: u64, row: Row, skips: &mut Skips) {
-        let Row { time_gps, received_gps, shift_s, derived, lack } = row;
-        let (satellite, signal) = (derived.observation.satellite, derived.observation.signal);
+        let Row { time_gps, received_gps, shift, recorded, lack } = row;
+        let (satellite, signal) = (recorded.observation.satellite, recorded.observation.signal);
+        let is_lost = recorded.observation.loss_of_lock.cycle_slip;
         if !self.is_in_time(time_gps, skips) {
+            self.losses.note_if(is_lost, (satellite, signal), Some(time_gps), self.latest);
             return skips
                 .add("row out of the order of time", || format!("line {number}: {satellite} at {time_gps}"));
         }
+        let shifted = match shift {
+            Shift::Whole(shift_s) => (shift_s, "epoch corrected by whole seconds, row used"),
+            Shift::Irregular(shift_s) => (shift_s, "epoch corrected to the time of arrival, row used"),
+        };
+        let (shift_s, reason) = shifted;
         if shift_s != 0.0 {
-            skips.add("epoch corrected by whole seconds, row used", || {
-                format!("line {number}: {time_gps} was written {shift_s} s later")
-            });
+            skips.add(reason, || format!("line {number}: {time_gps} was written {shift_s:.3} s later"));
         }
-        let epoch = self
-            .open
-            .entry(time_gps)
-            .or_insert_with(|| DerivedEpoch { time_gps: received_gps, observations: Vec::new() });
-        let same = |known: &DerivedObservation| {
+        let epoch = self.open.entry(time_gps).or_insert_with(|| RecordedEpoch {
+            time_gps: received_gps,
+            observations: Vec::new(),
+            by_channel: Vec::new(),
+        });
+        let same = |known: &RecordedObservation| {
             (known.observation.satellite, known.observation.signal) == (satellite, signal)
         };
         if epoch.observations.iter().any(same) {
+            self.losses.note_if(is_lost, (satellite, signal), Some(time_gps), self.latest);
             return skips.add("signal twice in one epoch", || {
                 format!("line {number}: {satellite} {signal} at {time_gps}")
             });
@@ -205,7 +191,7 @@ impl Table {
                 format!("line {number}: {satellite}: {lack}")
             });
         }
-        epoch.observations.push(derived);
+        epoch.observations.push(recorded);
     }
 
     /// Whether a row's epoch may still get rows. A time far ahead waits for a later one that goes on from there, and meanwhile completes
@@ -237,6 +223,10 @@ impl Table {
         if let Some(suspect) = self.suspect.take_if(|suspect| wrong(*suspect))
             && let Some(epoch) = self.open.remove(&suspect)
         {
+            for RecordedObservation { observation, .. } in &epoch.observations {
+                let signal = (observation.satellite, observation.signal);
+                self.losses.note_if(observation.loss_of_lock.cycle_slip, signal, None, self.latest);
+            }
             skips.add("epoch far from those around it, left out", || {
                 format!("{suspect}, {} rows", epoch.observations.len())
             });
@@ -244,7 +234,7 @@ impl Table {
     }
 
     /// Takes out the epochs that are complete; all of them at the end.
-    fn complete(&mut self, ended: bool, ready: &mut VecDeque<DerivedEpoch>) {
+    fn complete(&mut self, ended: bool, ready: &mut VecDeque<RecordedEpoch>) {
         loop {
             let is_full = self.open.len() > MAX_OPEN;
             let Some(entry) = self.open.first_entry() else { return };
@@ -252,8 +242,10 @@ impl Table {
             if !ended && is_recent && !is_full {
                 break;
             }
-            self.closed = Some(*entry.key());
-            ready.push_back(entry.remove());
+            let (time_gps, mut epoch) = entry.remove_entry();
+            self.closed = Some(time_gps);
+            self.losses.mark(time_gps, &mut epoch);
+            ready.push_back(epoch);
         }
     }
 }
@@ -280,6 +272,7 @@ impl Decoder for DerivedDecoder {
             self.skips
                 .add("last line is cut off", || format!("line {number}: {length} bytes without a line end"));
         }
+        self.state.drop_irregular(&mut self.skips);
         if let Some(latest) = self.state.latest {
             self.state.drop_suspect(|suspect| suspect - latest > DAY_S, &mut self.skips);
         }

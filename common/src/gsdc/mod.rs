@@ -10,12 +10,13 @@
 mod columns;
 mod derived;
 mod line;
+mod losses;
 mod masks;
 mod row;
 mod signal;
 mod truth;
 
-pub use derived::{DerivedDecoder, DerivedEpoch, DerivedFile, DerivedObservation};
+pub use derived::{DerivedDecoder, DerivedFile};
 pub use truth::{ground_truth, is_ground_truth};
 
 /// GPS − UTC in the years of the challenges, s (since 2017-01-01).

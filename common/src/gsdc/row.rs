@@ -1,40 +1,39 @@
 //! One row: its fields to numbers, checked against what can be.
 
 use super::columns::{Columns, Generation, Optional, Required};
-use super::derived::DerivedObservation;
 use super::{masks, signal};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId, SignalCode};
 use crate::gnsslogger::Masks;
-use crate::measurement::GivenCorrections;
+use crate::integer::integer;
+use crate::lost_locks::SignalKey;
+use crate::measurement::{
+    GivenCorrections, MAX_SATELLITE_CLOCK_M, MAX_SATELLITE_DRIFT_MPS, MAX_SATELLITE_SPEED_MPS,
+    ORBIT_BOUNDS_M, RecordedObservation,
+};
 use crate::time::GpsTime;
+use crate::time_order::LONG_STEP_S;
 
 /// Pseudoranges outside these bounds (m) are impossible: no satellite in use is nearer or farther.
 const PSEUDORANGE_BOUNDS_M: (f64, f64) = (1e6, 1e9);
-/// Distances of navigation satellites from the Earth's centre, with ample room, m.
-const ORBIT_BOUNDS_M: (f64, f64) = (1.5e7, 6e7);
-/// Largest speed of a satellite, m/s.
-const MAX_SPEED_MPS: f64 = 1e4;
-/// Largest satellite clock offset (10 ms), m.
-const MAX_CLOCK_M: f64 = 3e6;
-/// Largest satellite clock drift, m/s.
-const MAX_DRIFT_MPS: f64 = 10.0;
 /// Largest delay in the atmosphere, m.
 const MAX_DELAY_M: f64 = 500.0;
 /// Largest Doppler, Hz.
 const MAX_DOPPLER_HZ: f64 = 5e4;
-/// Epoch and arrival may differ by this much after whole seconds are taken off, s. The epoch is cut to a millisecond.
+/// Epoch and arrival may differ by this much, s, in tables that give the epoch to the nanosecond.
 const MAX_TAG_ERROR_S: f64 = 0.1;
-/// What the cut takes off at most, s.
+/// What the cut to whole milliseconds changes at most, s.
 const TAG_CUT_S: f64 = 0.001;
-/// A receiver clock that is still being set may be off by this much, s.
+/// Whole seconds that the epoch may be off, as it is where it is that of the next one, s.
 const MAX_TAG_SHIFT_S: f64 = 2.0;
 /// Standard deviation of orbit and clock along the line of sight, m. The files do not carry the broadcast accuracy; this is what
 /// GPS and Galileo reached in those years.
 const ORBIT_SIGMA_M: f64 = 0.5;
 /// Largest standard deviation of a pseudorange that a phone states, m, and the smallest that is believed.
 const CODE_SIGMA_BOUNDS_M: (f64, f64) = (0.1, 1e5);
+/// Bits of Android's `ADR_STATE_*` by which a phone says that the lock was lost: reset and cycle slip.
+const LOCK_LOST: u32 = 2 | 4;
 /// Highest time that a 64-bit count of nanoseconds since 1980 leaves room to calculate with.
 const MAX_NANOS: i64 = i64::MAX / 2;
 
@@ -45,12 +44,21 @@ pub(super) struct Row {
     pub(super) time_gps: GpsTime,
     /// Receive time.
     pub(super) received_gps: GpsTime,
-    /// Whole seconds by which the epoch as written was off.
-    pub(super) shift_s: f64,
-    /// The observation.
-    pub(super) derived: DerivedObservation,
+    /// By how much the epoch as written was off, s.
+    pub(super) shift: Shift,
+    /// The observation. That its lock was lost is noted whether or not there is a phase.
+    pub(super) recorded: RecordedObservation,
     /// Why there are no corrections, if there are none.
     pub(super) lack: Option<String>,
+}
+
+/// By how much an epoch as it is written is later than the arrival of the signals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Shift {
+    /// By whole seconds, mostly none, s.
+    Whole(f64),
+    /// By any other time, s: the row's arrival is in place of the epoch, and counts where another row confirms it.
+    Irregular(f64),
 }
 
 /// Why a row gives nothing.
@@ -95,9 +103,7 @@ impl Fields<'_> {
     /// A whole number of nanoseconds or milliseconds.
     fn count(&self, column: Required, limit: i64) -> Result<i64, Fault> {
         let text = self.text(column);
-        // Tools that pass through floating point write ".0".
-        let whole = text.strip_suffix(".0").unwrap_or(text);
-        let value = whole.parse::<i64>().ok().filter(|value| (0..=limit).contains(value));
+        let value = integer(text).filter(|value| (0..=limit).contains(value));
         value.ok_or_else(|| Fault {
             reason: "time missing or impossible",
             detail: format!("{} '{}'", self.columns.name(column), shorten(text)),
@@ -109,10 +115,9 @@ impl Fields<'_> {
         self.columns.optional(self.fields, column).parse().ok().filter(|value: &f64| value.is_finite())
     }
 
-    /// A word of bits where there is one. Tools that pass through floating point write ".0".
+    /// A word of bits where there is one.
     pub(super) fn bits(&self, column: Optional) -> Option<u32> {
-        let text = self.columns.optional(self.fields, column);
-        text.strip_suffix(".0").unwrap_or(text).parse().ok()
+        integer(self.columns.optional(self.fields, column)).and_then(|bits| u32::try_from(bits).ok())
     }
 }
 
@@ -127,18 +132,28 @@ pub(super) fn read(columns: &Columns, masks: &Masks, fields: &[&str]) -> Result<
     masks::check(&fields, satellite.constellation, masks)?;
     let (low, high) = PSEUDORANGE_BOUNDS_M;
     let pseudorange_m = fields.number(Required::Pseudorange, (low, high))?;
-    let Times { time_gps, received_gps, shift_s } = times(&fields, pseudorange_m)?;
+    let Times { time_gps, received_gps, shift } = times(&fields, pseudorange_m)?;
     let (given, lack) = match given(&fields) {
         Ok(given) => (Some(given), None),
         Err(fault) => (None, Some(fault.detail)),
     };
     let frequency_hz = frequency_hz(&fields, satellite, signal);
-    let derived = DerivedObservation {
+    let recorded = RecordedObservation {
         observation: observation(&fields, satellite, signal, pseudorange_m, frequency_hz),
         frequency_hz,
         given,
     };
-    Ok(Row { time_gps, received_gps, shift_s, derived, lack })
+    Ok(Row { time_gps, received_gps, shift, recorded, lack })
+}
+
+/// The signal of a row that says that its lock was lost, and the row's time if it can be read, whatever else of it cannot be
+/// used. Of tables of 2021, which say nothing of locks, there is none.
+pub(super) fn lost_signal(columns: &Columns, fields: &[&str]) -> Option<(SignalKey, Option<GpsTime>)> {
+    let fields = Fields { columns, fields };
+    if fields.bits(Optional::DeltaRangeState)? & LOCK_LOST == 0 {
+        return None;
+    }
+    Some((names(&fields).ok()?, fields.count(Required::Time, MAX_NANOS).ok().map(GpsTime::from_nanos)))
 }
 
 fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
@@ -159,33 +174,50 @@ fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
 struct Times {
     time_gps: GpsTime,
     received_gps: GpsTime,
-    shift_s: f64,
+    shift: Shift,
 }
 
-/// The epoch, and the whole seconds taken off. In the files of 2021 an epoch carries the time of the next one; the arrival
-/// that follows from transmission and pseudorange tells. Of it they keep whole milliseconds, in one of which a satellite
-/// goes 4 m; the arrival has the rest.
 fn times(fields: &Fields<'_>, pseudorange_m: f64) -> Result<Times, Fault> {
-    let written = match fields.columns.generation {
-        Generation::Derived2021 => fields.count(Required::Time, MAX_NANOS / 1_000_000)? * 1_000_000,
-        Generation::Device2022 => fields.count(Required::Time, MAX_NANOS)?,
-    };
-    let written = GpsTime::from_nanos(written);
     let transmission = GpsTime::from_nanos(fields.count(Required::Transmission, MAX_NANOS)?);
     let arrival = transmission + pseudorange_m / SPEED_OF_LIGHT_MPS;
+    let times = match fields.columns.generation {
+        Generation::Derived2021 => {
+            let millis = fields.count(Required::Time, MAX_NANOS / 1_000_000)?;
+            times_2021(GpsTime::from_nanos(millis * 1_000_000), arrival)
+        }
+        Generation::Device2022 => {
+            let written = GpsTime::from_nanos(fields.count(Required::Time, MAX_NANOS)?);
+            let shift_s = (written - arrival).round();
+            let time_gps = written - shift_s;
+            let is_sound = shift_s.abs() <= MAX_TAG_SHIFT_S && (time_gps - arrival).abs() <= MAX_TAG_ERROR_S;
+            let times = Times { time_gps, received_gps: time_gps, shift: Shift::Whole(shift_s) };
+            is_sound.then_some(times).ok_or(written)
+        }
+    };
+    times.map_err(|written| contradiction(written, written - arrival))
+}
+
+/// In the files of 2021 an epoch carries the time of the next one; the arrival that follows from transmission and pseudorange
+/// tells. Of it they keep whole milliseconds, in one of which a satellite goes 4 m; the arrival has the rest. Where the step to
+/// the next epoch is no whole number of seconds, the arrival alone tells the time. The epoch as written if it is absurd.
+fn times_2021(written: GpsTime, arrival: GpsTime) -> Result<Times, GpsTime> {
     let late_s = written - arrival;
     let shift_s = late_s.round();
-    if shift_s.abs() > MAX_TAG_SHIFT_S || (late_s - shift_s).abs() > MAX_TAG_ERROR_S {
-        return Err(Fault {
-            reason: "epoch contradicts transmission and pseudorange",
-            detail: format!("{written} is {late_s:.3} s after the arrival"),
-        });
+    let is_cut = (late_s - shift_s).abs() <= TAG_CUT_S;
+    if is_cut && shift_s.abs() <= MAX_TAG_SHIFT_S {
+        let time_gps = written - shift_s;
+        return Ok(Times { time_gps, received_gps: arrival, shift: Shift::Whole(shift_s) });
     }
-    let time_gps = written - shift_s;
-    let is_cut = (0.0..TAG_CUT_S).contains(&(arrival - time_gps));
-    let received_gps =
-        if is_cut && fields.columns.generation == Generation::Derived2021 { arrival } else { time_gps };
-    Ok(Times { time_gps, received_gps, shift_s })
+    let times = Times { time_gps: arrival, received_gps: arrival, shift: Shift::Irregular(late_s) };
+    (late_s.abs() < LONG_STEP_S).then_some(times).ok_or(written)
+}
+
+/// A row whose epoch and arrival do not go together.
+pub(super) fn contradiction(written: GpsTime, late_s: f64) -> Fault {
+    Fault {
+        reason: "epoch contradicts transmission and pseudorange",
+        detail: format!("{written} is {late_s:.3} s after the arrival"),
+    }
 }
 
 fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
@@ -193,27 +225,27 @@ fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
         ClockBias, ClockDrift, Ionosphere, PositionX, PositionY, PositionZ, ReceiverBias, Troposphere,
         VelocityX, VelocityY, VelocityZ,
     };
-    let (low, high) = ORBIT_BOUNDS_M;
     let (lowest, highest) = CODE_SIGMA_BOUNDS_M;
-    let [x, y, z] = [PositionX, PositionY, PositionZ].map(|column| fields.symmetric(column, high));
+    let [x, y, z] =
+        [PositionX, PositionY, PositionZ].map(|column| fields.symmetric(column, *ORBIT_BOUNDS_M.end()));
     let position = Ecef::new(x?, y?, z?);
     let distance_m = position.0.norm();
-    if !(low..=high).contains(&distance_m) {
+    if !ORBIT_BOUNDS_M.contains(&distance_m) {
         return Err(Fault {
             reason: "impossible value",
             detail: format!("satellite {distance_m} m from the Earth's centre"),
         });
     }
     let [vx, vy, vz] =
-        [VelocityX, VelocityY, VelocityZ].map(|column| fields.symmetric(column, MAX_SPEED_MPS));
+        [VelocityX, VelocityY, VelocityZ].map(|column| fields.symmetric(column, MAX_SATELLITE_SPEED_MPS));
     Ok(GivenCorrections {
         satellite_position: position,
         satellite_velocity: EcefVector::new(vx?, vy?, vz?),
-        clock_m: fields.symmetric(ClockBias, MAX_CLOCK_M)?,
-        clock_drift_mps: fields.symmetric(ClockDrift, MAX_DRIFT_MPS)?,
+        clock_m: fields.symmetric(ClockBias, MAX_SATELLITE_CLOCK_M)?,
+        clock_drift_mps: fields.symmetric(ClockDrift, MAX_SATELLITE_DRIFT_MPS)?,
         receiver_bias_m: fields.symmetric(ReceiverBias, PSEUDORANGE_BOUNDS_M.0)?,
-        ionosphere_m: fields.symmetric(Ionosphere, MAX_DELAY_M)?,
-        troposphere_m: fields.symmetric(Troposphere, MAX_DELAY_M)?,
+        ionosphere_m: Some(fields.symmetric(Ionosphere, MAX_DELAY_M)?),
+        troposphere_m: Some(fields.symmetric(Troposphere, MAX_DELAY_M)?),
         sigma_m: ORBIT_SIGMA_M,
         code_sigma_m: fields
             .optional(Optional::PseudorangeUncertainty)
@@ -268,7 +300,7 @@ fn delta_range_state(fields: &Fields<'_>) -> DeltaRangeState {
     DeltaRangeState {
         valid,
         loss_of_lock: LossOfLock {
-            cycle_slip: valid && bits & (2 | 4) != 0,
+            cycle_slip: bits & LOCK_LOST != 0,
             half_cycle: valid && bits & 16 != 0 && bits & 8 == 0,
             ..LossOfLock::default()
         },

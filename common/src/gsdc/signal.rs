@@ -1,24 +1,14 @@
 //! Android's numbers and the challenge's names to satellites and signals.
 
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
+use crate::gnsslogger::android_satellite;
+use crate::integer::integer;
 
-/// QZSS satellites are numbered from here (Android `GnssStatus.getSvid`).
-const QZSS_OFFSET: u8 = 192;
-
-/// The satellite of a constellation type (Android `GnssStatus.CONSTELLATION_*`) and a number. `None` for augmentation
-/// satellites, unknown types, and GLONASS satellites of which only the frequency channel is known (93-106).
+/// The satellite of a constellation type and a number, both Android's. `None` for augmentation satellites, unknown types, and
+/// GLONASS satellites of which only the frequency channel is known (93-106).
 pub(super) fn satellite(constellation: &str, number: &str) -> Option<SatelliteId> {
-    let number: u8 = number.parse().ok()?;
-    let (constellation, number, last) = match constellation {
-        "1" => (Constellation::Gps, number, 32),
-        "3" => (Constellation::Glonass, number, 27),
-        "4" => (Constellation::Qzss, number.checked_sub(QZSS_OFFSET)?, 10),
-        "5" => (Constellation::Beidou, number, 63),
-        "6" => (Constellation::Galileo, number, 36),
-        "7" => (Constellation::Navic, number, 14),
-        _ => return None,
-    };
-    (1..=last).contains(&number).then_some(SatelliteId::new(constellation, number))
+    let satellite = android_satellite(integer(constellation)?, integer(number)?).ok()?;
+    (satellite.constellation != Constellation::Sbas).then_some(satellite)
 }
 
 /// The signal of a name such as `GPS_L1`, `GAL_E5A`, `BDS_B1I` (2021) or `GPS_L5_Q`, `GAL_E1_C_P`, `BDS_B1_I` (since 2022).
@@ -84,10 +74,23 @@ mod tests {
     fn satellites_have_their_rinex_numbers() {
         assert_eq!(satellite("1", "5").unwrap().to_string(), "G05");
         assert_eq!(satellite("4", "194").unwrap().to_string(), "J02");
+        assert_eq!(satellite("4", "1").unwrap().to_string(), "J01");
+        assert_eq!(satellite("4", "10").unwrap().to_string(), "J10");
         assert_eq!(satellite("5", "59").unwrap().to_string(), "C59");
-        for (constellation, number) in
-            [("1", "33"), ("3", "97"), ("2", "131"), ("0", "1"), ("1", "0"), ("4", "1"), ("1", "")]
-        {
+        assert_eq!(satellite("1.0", "5.0").unwrap().to_string(), "G05");
+        assert_eq!(satellite("6", "3.2e1").unwrap().to_string(), "E32");
+        for (constellation, number) in [
+            ("1", "33"),
+            ("3", "97"),
+            ("2", "131"),
+            ("0", "1"),
+            ("1", "0"),
+            ("4", "11"),
+            ("1", ""),
+            ("1", "nan"),
+            ("inf", "1"),
+            ("1", "1.5"),
+        ] {
             assert_eq!(satellite(constellation, number), None, "{constellation} {number}");
         }
     }

@@ -4,6 +4,7 @@ use super::LEAP_SECONDS;
 use super::line::{Lines, fields};
 use crate::accuracy::{Truth, TruthError, TruthPoint};
 use crate::frames::{EcefVector, Enu, Geodetic, LocalFrame};
+use crate::integer::integer;
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
@@ -109,7 +110,7 @@ impl Header {
         let [time, latitude, longitude, height, speed, course] =
             self.columns.map(|at| fields.get(at).copied().unwrap_or_default());
         let number = |text: &str, limit: f64| text.parse::<f64>().ok().filter(|value| value.abs() <= limit);
-        let millis = time.strip_suffix(".0").unwrap_or(time).parse::<i64>().ok()?;
+        let millis = integer(time)?;
         let height_m = if height.is_empty() { 0.0 } else { number(height, 1e5)? };
         let geodetic = Geodetic::from_degrees(
             number(latitude, 90.0)?,

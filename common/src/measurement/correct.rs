@@ -3,14 +3,14 @@
 
 use std::sync::Arc;
 
-use super::given::GivenCorrections;
+use super::given::{GivenCorrections, RecordedObservation};
 use super::pair::{Ionosphere, Second};
 use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
 use crate::atmosphere::{STANDARD_RELATIVE_HUMIDITY, saastamoinen_delay_m};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
 use crate::gnss::{Constellation, Observation, ObservationEpoch};
-use crate::orbit::{LineOfSight, Products, SatelliteState};
+use crate::orbit::{LineOfSight, OrbitError, Products, SatelliteState};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
@@ -19,7 +19,7 @@ use crate::time::GpsTime;
 pub struct CorrectionOptions {
     /// Satellites below this elevation are not used, rad.
     pub elevation_mask_rad: f64,
-    /// The same for satellites whose delays came with the recording, rad. The other mask is there above all for our models,
+    /// The same for satellites whose tropospheric delays came with the recording, rad. The other mask is there above all for our models,
     /// which end near the horizon: 3° above it our troposphere is 12 m longer than the one that challenge tables state.
     pub stated_elevation_mask_rad: f64,
     /// What is done about the ionosphere.
@@ -61,7 +61,7 @@ impl Default for CorrectionOptions {
 pub struct Corrector {
     products: Arc<Products>,
     options: CorrectionOptions,
-    skips: Skips,
+    pub(super) skips: Skips,
 }
 
 /// An observation with its satellite's state: everything that does not depend on where the phone is.
@@ -105,15 +105,16 @@ impl Corrector {
 
     /// Satellite states and position-free corrections of one epoch; what cannot be used is counted.
     pub fn prepare(&mut self, epoch: &ObservationEpoch) -> Vec<PreparedObservation> {
-        self.prepare_weighted(epoch, |_| None)
+        self.prepare_stated(epoch, |_| None)
     }
 
-    /// The same where the receiver says how good its codes are: `code_sigma_m` gives the standard deviation of the
-    /// observation at an index, m, which stands in for the stochastic model where there is no C/N0.
-    pub fn prepare_weighted(
+    /// The same where the recording states more: `stated` gives what it says of the observation at an index. The receiver's
+    /// own standard deviation of a code stands in for the stochastic model where there is no C/N0, and a satellite's state
+    /// for products that do not know the satellite.
+    pub(super) fn prepare_stated<'a>(
         &mut self,
         epoch: &ObservationEpoch,
-        code_sigma_m: impl Fn(usize) -> Option<f64>,
+        stated: impl Fn(usize) -> Option<&'a RecordedObservation>,
     ) -> Vec<PreparedObservation> {
         let mut prepared = Vec::with_capacity(epoch.observations.len());
         let mut last: Option<PreparedState> = None;
@@ -127,24 +128,46 @@ impl Corrector {
             if self.is_weak(observation, epoch.time_gps) {
                 continue;
             }
+            let stated = stated(index);
             let state = match last {
                 Some(known) if known.serves(observation, pseudorange_m) => known,
                 _ => match self.state(observation, epoch.time_gps, pseudorange_m) {
-                    Some(state) => state,
-                    None => continue,
+                    Ok(state) => state,
+                    Err(error) => {
+                        prepared.extend(self.without_state(&error, epoch.time_gps, stated));
+                        continue;
+                    }
                 },
             };
             last = Some(state);
             let Some(frequency_hz) = self.frequency_hz(observation, epoch.time_gps) else {
-                self.skips.add("no carrier frequency", || {
-                    format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
-                });
+                self.no_carrier_frequency(observation, epoch.time_gps);
                 continue;
             };
             let combined = self.combine(observation, frequency_hz, pseudorange_m, &state);
-            prepared.push(PreparedObservation { code_sigma_m: code_sigma_m(index), ..combined });
+            let code_sigma_m = stated.and_then(|stated| stated.given?.code_sigma_m);
+            prepared.push(PreparedObservation { code_sigma_m, ..combined });
         }
         self.pairs(prepared)
+    }
+
+    /// An observation of a satellite of which no product knows the state: with the state by the recording, if it has one.
+    fn without_state(
+        &mut self,
+        error: &OrbitError,
+        time_gps: GpsTime,
+        stated: Option<&RecordedObservation>,
+    ) -> Option<PreparedObservation> {
+        // A satellite that its message calls unhealthy stays out, whatever the recording states.
+        let stated = stated.filter(|_| !matches!(error, OrbitError::Unhealthy { .. }));
+        let Some((stated, given)) = stated.and_then(|stated| Some((stated, stated.given?))) else {
+            self.skips.add("no satellite state", || error.to_string());
+            return None;
+        };
+        self.skips.add("satellite state of the recording used, no product has one", || {
+            format!("{} at {time_gps}", stated.observation.satellite)
+        });
+        self.prepare_given(&stated.observation, stated.frequency_hz, time_gps, &given)
     }
 
     /// The ionosphere-free pairs of prepared signals, if the options want them.
@@ -170,6 +193,12 @@ impl Corrector {
         weak
     }
 
+    pub(super) fn no_carrier_frequency(&mut self, observation: &Observation, time_gps: GpsTime) {
+        self.skips.add("no carrier frequency", || {
+            format!("{} {} at {time_gps}", observation.satellite, observation.signal)
+        });
+    }
+
     /// What BeiDou's clocks and group delays add to the variance, m².
     pub(super) fn beidou_variance_m2(&self, observation: &Observation) -> f64 {
         let is_beidou = observation.satellite.constellation == Constellation::Beidou;
@@ -184,27 +213,20 @@ impl Corrector {
 
     /// The satellite's state at transmission: t_tx = t_rx − P/c − dT_s.
     fn state(
-        &mut self,
+        &self,
         observation: &Observation,
         time_gps: GpsTime,
         pseudorange_m: f64,
-    ) -> Option<PreparedState> {
+    ) -> Result<PreparedState, OrbitError> {
         let by_satellite_clock = time_gps - pseudorange_m / SPEED_OF_LIGHT_MPS;
-        match self.products.satellite_state(observation.satellite, by_satellite_clock) {
-            Ok(state) => {
-                // dT_s is below a few milliseconds: one step along the velocity is exact to a micrometre.
-                let position = state.position + EcefVector(state.velocity.0 * -state.clock_s);
-                Some(PreparedState {
-                    satellite_state: SatelliteState { position, ..state },
-                    observation: *observation,
-                    sent: by_satellite_clock,
-                })
-            }
-            Err(error) => {
-                self.skips.add("no satellite state", || error.to_string());
-                None
-            }
-        }
+        let state = self.products.satellite_state(observation.satellite, by_satellite_clock)?;
+        // dT_s is below a few milliseconds: one step along the velocity is exact to a micrometre.
+        let position = state.position + EcefVector(state.velocity.0 * -state.clock_s);
+        Ok(PreparedState {
+            satellite_state: SatelliteState { position, ..state },
+            observation: *observation,
+            sent: by_satellite_clock,
+        })
     }
 
     fn combine(
@@ -259,7 +281,7 @@ impl Corrector {
         let mut corrected = Vec::with_capacity(prepared.len());
         for observation in prepared {
             let seen = view.see(observation);
-            let mask_rad = match observation.stated {
+            let mask_rad = match observation.stated.and_then(|stated| stated.troposphere_m) {
                 Some(_) => self.options.stated_elevation_mask_rad,
                 None => self.options.elevation_mask_rad,
             };
@@ -374,10 +396,7 @@ impl View {
         products: &Products,
         skips: &mut Skips,
     ) -> CorrectedObservation {
-        let (ionosphere_m, troposphere_m) = match prepared.stated {
-            Some(stated) => (stated.ionosphere_m, stated.troposphere_m),
-            None => self.atmosphere_m(prepared, seen.direction, products, skips),
-        };
+        let (ionosphere_m, troposphere_m) = self.atmosphere_m(prepared, seen.direction, products, skips);
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
         let signal_m2 = self.code_variance_m2(cn0_dbhz, prepared.code_sigma_m, elevation_rad)
@@ -408,7 +427,7 @@ impl View {
         stated_sigma_m.filter(|_| cn0_dbhz.is_none()).map_or_else(model, |sigma_m| sigma_m * sigma_m)
     }
 
-    /// Ionospheric and tropospheric delay by the models, m.
+    /// Ionospheric and tropospheric delay as the recording states them, else by the models, m.
     fn atmosphere_m(
         &self,
         prepared: &PreparedObservation,
@@ -416,13 +435,19 @@ impl View {
         products: &Products,
         skips: &mut Skips,
     ) -> (f64, f64) {
+        let stated_ionosphere_m = prepared.stated.and_then(|stated| stated.ionosphere_m);
+        let stated_troposphere_m = prepared.stated.and_then(|stated| stated.troposphere_m);
         let geodetic = self.frame.geodetic();
-        let troposphere_m = saastamoinen_delay_m(geodetic, direction, self.options.relative_humidity);
+        let troposphere_m = stated_troposphere_m
+            .unwrap_or_else(|| saastamoinen_delay_m(geodetic, direction, self.options.relative_humidity));
         if prepared.second.is_some() {
             return (0.0, troposphere_m);
         }
-        let (time, frequency_hz) = (self.time_gps, prepared.frequency_hz);
-        let sight = LineOfSight { receiver: geodetic, direction, time, frequency_hz };
-        (products.ionosphere_delay_m(&sight, skips), troposphere_m)
+        let ionosphere_m = stated_ionosphere_m.unwrap_or_else(|| {
+            let (time, frequency_hz) = (self.time_gps, prepared.frequency_hz);
+            let sight = LineOfSight { receiver: geodetic, direction, time, frequency_hz };
+            products.ionosphere_delay_m(&sight, skips)
+        });
+        (ionosphere_m, troposphere_m)
     }
 }

@@ -1,10 +1,20 @@
 //! Observations that come with their satellites' states and corrections.
 
+use super::channel::ChannelObservation;
 use super::{Corrector, PreparedObservation};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Ecef, EcefVector};
-use crate::gnss::Observation;
+use crate::gnss::{EpochFlag, Observation, ObservationEpoch};
 use crate::time::GpsTime;
+
+/// Distances of navigation satellites from the Earth's centre, with ample room, m.
+pub(crate) const ORBIT_BOUNDS_M: std::ops::RangeInclusive<f64> = 1.5e7..=6e7;
+/// Largest speed of a satellite in the Earth-fixed frame, m/s.
+pub(crate) const MAX_SATELLITE_SPEED_MPS: f64 = 1e4;
+/// Largest satellite clock offset (10 ms), m.
+pub(crate) const MAX_SATELLITE_CLOCK_M: f64 = 3e6;
+/// Largest satellite clock drift, m/s.
+pub(crate) const MAX_SATELLITE_DRIFT_MPS: f64 = 10.0;
 
 /// Satellite state and corrections that came with a recording, in place of those from products.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,10 +29,10 @@ pub struct GivenCorrections {
     pub clock_drift_mps: f64,
     /// Receiver bias between signals, m; taken from the pseudorange.
     pub receiver_bias_m: f64,
-    /// Ionospheric delay of this signal, m.
-    pub ionosphere_m: f64,
-    /// Tropospheric delay, m.
-    pub troposphere_m: f64,
+    /// Ionospheric delay of this signal, m; by the products' model if `None`.
+    pub ionosphere_m: Option<f64>,
+    /// Tropospheric delay, m; by the standard atmosphere if `None`.
+    pub troposphere_m: Option<f64>,
     /// Standard deviation of orbit and clock together along the line of sight, m.
     pub sigma_m: f64,
     /// The receiver's own standard deviation of the pseudorange, m. It stands in for the stochastic model, which has nothing
@@ -30,9 +40,78 @@ pub struct GivenCorrections {
     pub code_sigma_m: Option<f64>,
 }
 
+/// One satellite's signal at one epoch, with what the recording states about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedObservation {
+    /// The raw observation.
+    pub observation: Observation,
+    /// Carrier frequency, Hz, where it is known.
+    pub frequency_hz: Option<f64>,
+    /// Satellite state and corrections by the recording; `None` where they are missing.
+    pub given: Option<GivenCorrections>,
+}
+
+/// An epoch with what its recording states beyond raw observations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedEpoch {
+    /// Receive time by the phone's clock, GPS time. The challenge tables of 2021 cut it to a millisecond; the first row's
+    /// transmission and pseudorange tell the rest.
+    pub time_gps: GpsTime,
+    /// One per satellite and signal, in file order.
+    pub observations: Vec<RecordedObservation>,
+    /// Of GLONASS satellites that the phone knows by their frequency channel only.
+    pub by_channel: Vec<ChannelObservation>,
+}
+
+impl RecordedEpoch {
+    /// The raw observations, to be corrected with other products.
+    pub fn to_observations(&self) -> ObservationEpoch {
+        ObservationEpoch {
+            time_gps: self.time_gps,
+            flag: EpochFlag::Ok,
+            observations: self.observations.iter().map(|recorded| recorded.observation).collect(),
+        }
+    }
+
+    /// Whether any of the observations has corrections of its own.
+    pub fn has_corrections(&self) -> bool {
+        self.observations.iter().any(|recorded| recorded.given.is_some())
+    }
+
+    /// The observations with the recording's own satellite states and corrections, in place of [`Corrector::prepare`];
+    /// [`Corrector::finish`] then sees them from a position. Observations to which the recording gives none are prepared with
+    /// the corrector's products.
+    pub fn prepare(&self, corrector: &mut Corrector) -> Vec<PreparedObservation> {
+        let mut others = ObservationEpoch { observations: Vec::new(), ..self.to_observations() };
+        let mut given = Vec::with_capacity(self.observations.len());
+        for RecordedObservation { observation, frequency_hz, given: corrections } in &self.observations {
+            match corrections {
+                Some(corrections) => {
+                    given.extend(corrector.prepare_given(
+                        observation,
+                        *frequency_hz,
+                        self.time_gps,
+                        corrections,
+                    ));
+                }
+                None => others.observations.push(*observation),
+            }
+        }
+        let mut prepared = corrector.pairs(given);
+        prepared.extend(corrector.prepare(&others));
+        prepared
+    }
+
+    /// The observations with the corrector's products. Where these do not know a satellite, its state by the recording is taken,
+    /// if there is one (counted). Else of the recording only the phone's own uncertainties are taken, for want of C/N0.
+    pub fn prepare_with_products(&self, corrector: &mut Corrector) -> Vec<PreparedObservation> {
+        corrector.prepare_stated(&self.to_observations(), |index| self.observations.get(index))
+    }
+}
+
 impl Corrector {
     /// As [`Corrector::prepare`], for an observation whose satellite state and corrections came with it. `frequency_hz` is the carrier's, where
-    /// it is known; only range rates need it. `None` without a pseudorange, and for a signal below the mask.
+    /// it is known; range rates need it, and a model of the ionosphere. `None` without a pseudorange, and for a signal below the mask.
     pub fn prepare_given(
         &mut self,
         observation: &Observation,
@@ -42,6 +121,10 @@ impl Corrector {
     ) -> Option<PreparedObservation> {
         let pseudorange_m = observation.pseudorange_m?;
         if self.is_weak(observation, time_gps) {
+            return None;
+        }
+        if frequency_hz.is_none() && given.ionosphere_m.is_none() {
+            self.no_carrier_frequency(observation, time_gps);
             return None;
         }
         let range_rate =

@@ -1,5 +1,6 @@
 //! From raw to corrected observations: masks, corrections, stochastic models.
 
+mod channel;
 mod correct;
 mod differential;
 mod given;
@@ -8,9 +9,13 @@ mod pair;
 pub(crate) mod sky;
 mod stochastic;
 
+pub use channel::ChannelObservation;
 pub use correct::{CorrectionOptions, Corrector, PreparedObservation, without_position};
 pub use differential::{Applied, Differential, DifferentialCounts, DifferentialOptions, Uncorrected};
-pub use given::GivenCorrections;
+pub use given::{GivenCorrections, RecordedEpoch, RecordedObservation};
+pub(crate) use given::{
+    MAX_SATELLITE_CLOCK_M, MAX_SATELLITE_DRIFT_MPS, MAX_SATELLITE_SPEED_MPS, ORBIT_BOUNDS_M,
+};
 pub use pair::Ionosphere;
 pub use stochastic::{StochasticModel, VarianceModel};
 

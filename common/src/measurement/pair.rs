@@ -154,7 +154,7 @@ fn pair(
     Some(PreparedObservation {
         pseudorange_m: factor * first.pseudorange_m - (factor - 1.0) * second.pseudorange_m,
         range_rate_mps: first.range_rate_mps.or(second.range_rate_mps),
-        stated: first.stated.map(|stated| GivenCorrections { ionosphere_m: 0.0, ..stated }),
+        stated: first.stated.map(|stated| GivenCorrections { ionosphere_m: Some(0.0), ..stated }),
         second: Some(Second {
             pair: name,
             factor,

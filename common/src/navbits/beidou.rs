@@ -9,7 +9,7 @@ use super::beidou_fields::{Joined, ephemeris, join, references_s, week};
 use super::beidou_words::{Data, data, number, seconds_of_week};
 use super::bits::unsigned;
 use super::lnav::klobuchar;
-use super::week::nearest;
+use super::week::{nearest, rollover_hint};
 use super::{ReceiverCheck, Refused, plausible, refused};
 use crate::atmosphere::KlobucharCoefficients;
 use crate::gnss::SatelliteId;
@@ -146,7 +146,8 @@ fn check_week(satellite: SatelliteId, joined: &Joined, start: GpsTime) -> Result
     if i64::try_from(broadcast) == Ok(expected) {
         return Ok(());
     }
-    let detail = format!("{satellite}: week {broadcast}, {expected} expected at {start}");
+    let hint = i64::try_from(broadcast).map_or(String::new(), |sent| rollover_hint(sent - expected));
+    let detail = format!("{satellite}: week {broadcast}, {expected} expected at {start}{hint}");
     Err(refused("ephemeris of another week than the recording's", detail))
 }
 

@@ -28,6 +28,15 @@ pub(super) fn copy(from: &[u8], from_bit: usize, to: &mut [u8], to_bit: usize, c
     }
 }
 
+/// Turns over `count` bits from bit `start` on: those of a signal that is tracked half a cycle off.
+pub(super) fn invert(bytes: &mut [u8], start: usize, count: usize) {
+    for at in start..start + count {
+        if let Some(byte) = bytes.get_mut(at / 8) {
+            *byte ^= 0x80 >> (at % 8);
+        }
+    }
+}
+
 /// A number in units of 2^`exponent`, exact.
 pub(super) fn scaled(value: i64, exponent: i32) -> f64 {
     value as f64 * 2_f64.powi(exponent)
@@ -81,6 +90,8 @@ mod tests {
         let mut copied = [0xff; 2];
         copy(&bytes, 4, &mut copied, 3, 8);
         assert_eq!(copied, [0b1110_0111, 0b1001_1111]);
+        invert(&mut copied, 7, 2);
+        assert_eq!(copied, [0b1110_0110, 0b0001_1111]);
     }
 
     /// A 1005 message of the RTCM 10403.1 standard's annex: header, 19 bytes, CRC.

@@ -53,18 +53,27 @@ impl FnavAssembler {
     }
 }
 
-/// The page if its CRC is right, or blanked by a receiver that vouches for it.
+/// The page if its CRC is right, or blanked by a receiver that vouches for it. All its bits may be turned over, where the
+/// receiver is locked half a cycle off.
 fn checked(bytes: &[u8], receiver: ReceiverCheck) -> Result<Page, Refused> {
     let Ok(page) = Page::try_from(bytes) else {
         let detail = format!("{} bytes, {PAGE_BYTES} expected", bytes.len());
         return Err(refused("F/NAV page of wrong length", detail));
     };
-    let sent = unsigned(&page, CHECKED, 24);
-    let blanked = sent == 0 && receiver == ReceiverCheck::Passed;
-    if u64::from(crc24q(&page, CHECKED)) != sent && !blanked {
-        return Err(refused("F/NAV page with wrong CRC", format!("{bytes:02x?}")));
+    let blanked = crc_of(&page) == 0 && receiver == ReceiverCheck::Passed;
+    let inverted = page.map(|byte| !byte);
+    if blanked {
+        return Ok(page);
     }
-    Ok(page)
+    [page, inverted]
+        .into_iter()
+        .find(|page| u64::from(crc24q(page, CHECKED)) == crc_of(page))
+        .ok_or_else(|| refused("F/NAV page with wrong CRC", format!("{bytes:02x?}")))
+}
+
+/// The CRC that was sent.
+fn crc_of(page: &Page) -> u64 {
+    unsigned(page, CHECKED, 24)
 }
 
 impl Pages {

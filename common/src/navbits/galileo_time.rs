@@ -1,6 +1,6 @@
 //! Weeks and reference times of both Galileo messages.
 
-use super::week::nearest;
+use super::week::{nearest, rollover_hint};
 use super::{Refused, refused};
 use crate::gnss::SatelliteId;
 use crate::time::{GpsTime, SECONDS_PER_WEEK};
@@ -20,7 +20,9 @@ pub(super) fn check_week(satellite: SatelliteId, sent: u64, now: GpsTime) -> Res
     if apart <= 1 || apart == WEEKS - 1 {
         return Ok(());
     }
-    let detail = format!("{satellite}: week {broadcast}, {} expected at {now}", expected.rem_euclid(WEEKS));
+    let hint = rollover_hint(broadcast - expected);
+    let expected = expected.rem_euclid(WEEKS);
+    let detail = format!("{satellite}: week {broadcast}, {expected} expected at {now}{hint}");
     Err(refused("ephemeris of another week than the recording's", detail))
 }
 

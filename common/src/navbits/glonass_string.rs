@@ -1,6 +1,6 @@
 //! Strings of the GLONASS navigation message, 85 bits each, and their Hamming code (GLONASS ICD, L1 and L2, edition 5.1, 4.3 and 4.7).
 
-use super::bits::{copy, unsigned};
+use super::bits::{copy, invert, unsigned};
 use super::{ReceiverCheck, Refused, refused};
 
 /// Bytes of a string as Android gives it.
@@ -18,7 +18,8 @@ pub(super) struct GlonassString([u8; STRING_BYTES]);
 
 impl GlonassString {
     /// Reads a string. It may be at either end of its bytes; which one the check bits tell, or `number` where a receiver that vouches
-    /// for the string has blanked them. That is the number by which the phone calls it.
+    /// for the string has blanked them. That is the number by which the phone calls it. All bits may be turned over, as where a
+    /// signal is tracked half a cycle off; bit 85, which is 0, tells, with the check bits and the number.
     pub(super) fn read(bytes: &[u8], number: Option<u8>, receiver: ReceiverCheck) -> Result<Self, Refused> {
         if bytes.len() != STRING_BYTES {
             let detail = format!("{} bytes, {STRING_BYTES} expected", bytes.len());
@@ -28,7 +29,11 @@ impl GlonassString {
         let is_usable = |string: &Self| {
             string.is_right() || receiver == ReceiverCheck::Passed && string.is_blanked() && number.is_some()
         };
-        let usable = || [0, SPARE].into_iter().filter_map(|from| Self::at(bytes, from)).filter(is_usable);
+        let usable = || {
+            let plain = [0, SPARE].into_iter().filter_map(|from| Self::at(bytes, from)).filter(is_usable);
+            let inverted = [0, SPARE].into_iter().filter_map(|from| Self::inverted_at(bytes, from));
+            plain.chain(inverted.filter(|string| string.is_right() && number.is_some() && as_called(string)))
+        };
         usable().find(as_called).ok_or_else(|| {
             let reason = match usable().next() {
                 Some(_) => "GLONASS string that is not the one that its line names",
@@ -47,6 +52,18 @@ impl GlonassString {
         let mut string = [0; STRING_BYTES];
         copy(bytes, from, &mut string, 0, BITS);
         Some(Self(string))
+    }
+
+    /// The string with all its bits turned over. Those left over are zero, or in front of it turned over too: a damaged string
+    /// may pass for one at the other end otherwise.
+    fn inverted_at(bytes: &[u8], from: usize) -> Option<Self> {
+        let mut upright = <[u8; STRING_BYTES]>::try_from(bytes).ok()?;
+        invert(&mut upright, from, BITS);
+        let spare = if from == 0 { BITS } else { 0 };
+        if from != 0 || unsigned(&upright, spare, SPARE) != 0 {
+            invert(&mut upright, spare, SPARE);
+        }
+        Self::at(&upright, from)
     }
 
     /// Bits `high` to `low` by the ICD's numbers.

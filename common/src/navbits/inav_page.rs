@@ -1,6 +1,6 @@
 //! Pages of Galileo I/NAV: two halves of 114 bits, and the data word of 128 bits in them (Galileo OS SIS ICD 2.1, 4.3.2).
 
-use super::bits::{copy, crc24q, unsigned};
+use super::bits::{copy, crc24q, invert, unsigned};
 use super::{ReceiverCheck, Refused, refused};
 
 /// Bytes of a page as Android gives it: 228 bits, even half first.
@@ -13,25 +13,42 @@ const CHECKED: usize = 196;
 /// The data word of a page.
 pub(super) type Word = [u8; 16];
 
-/// The data word of a page; `None` of an alert page, which has none.
+/// A page.
+type Page = [u8; PAGE_BYTES];
+
+/// The data word of a page; `None` of an alert page, which has none. Each half has its own synchronisation, and so may be turned
+/// over by itself where the receiver is locked half a cycle off; its first bit, 0 of the even half and 1 of the odd one, tells.
 pub(super) fn word(bytes: &[u8], receiver: ReceiverCheck) -> Result<Option<Word>, Refused> {
-    if bytes.len() != PAGE_BYTES {
+    let Ok(received) = Page::try_from(bytes) else {
         let detail = format!("{} bytes, {PAGE_BYTES} expected", bytes.len());
         return Err(refused("I/NAV page of wrong length", detail));
+    };
+    let page = upright(received);
+    let sent = unsigned(&page, CHECKED, 24);
+    let blanked = sent == 0 && receiver == ReceiverCheck::Passed && page == received;
+    if u64::from(crc24q(&page, CHECKED)) != sent && !blanked {
+        let reason = if page == received {
+            "I/NAV page with wrong CRC"
+        } else {
+            "I/NAV page whose halves are not even and odd"
+        };
+        return Err(refused(reason, format!("{bytes:02x?}")));
     }
-    if unsigned(bytes, 0, 1) != 0 || unsigned(bytes, HALF, 1) != 1 {
-        return Err(refused("I/NAV page whose halves are not even and odd", format!("{bytes:02x?}")));
-    }
-    let sent = unsigned(bytes, CHECKED, 24);
-    let blanked = sent == 0 && receiver == ReceiverCheck::Passed;
-    if u64::from(crc24q(bytes, CHECKED)) != sent && !blanked {
-        return Err(refused("I/NAV page with wrong CRC", format!("{bytes:02x?}")));
-    }
-    if unsigned(bytes, 1, 1) != 0 || unsigned(bytes, HALF + 1, 1) != 0 {
+    if unsigned(&page, 1, 1) != 0 || unsigned(&page, HALF + 1, 1) != 0 {
         return Ok(None);
     }
     let mut word = Word::default();
-    copy(bytes, 2, &mut word, 0, 112);
-    copy(bytes, HALF + 2, &mut word, 112, 16);
+    copy(&page, 2, &mut word, 0, 112);
+    copy(&page, HALF + 2, &mut word, 112, 16);
     Ok(Some(word))
+}
+
+/// The page with its halves as sent, the even one in front.
+fn upright(mut page: Page) -> Page {
+    for (start, is_odd) in [(0, 0), (HALF, 1)] {
+        if unsigned(&page, start, 1) != is_odd {
+            invert(&mut page, start, HALF);
+        }
+    }
+    page
 }

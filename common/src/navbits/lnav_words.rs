@@ -41,7 +41,7 @@ pub(super) fn parity(data: u32, d29: u32, d30: u32) -> u32 {
 
 /// Reads a subframe. Receivers differ in three ways, and each is recognised by itself: words at the low or the high end of
 /// their four bytes, the sign of all bits, and whether data bits are as sent (turned over after a word that ends in 1) or
-/// as meant.
+/// as meant, with parity bits of either sign.
 pub(super) fn data(bytes: &[u8], receiver: ReceiverCheck) -> Result<Data, Refused> {
     let Some(bytes) = bytes.first_chunk::<SUBFRAME_BYTES>().filter(|_| bytes.len() == SUBFRAME_BYTES) else {
         let detail = format!("{} bytes, {SUBFRAME_BYTES} expected", bytes.len());
@@ -75,9 +75,15 @@ fn as_sent(words: &[u32; 10]) -> Option<Data> {
     Some(out.data)
 }
 
-/// Data bits as meant, parity bits as sent.
+/// Data bits as meant, parity bits as received. Where the receiver is locked half a cycle off, all parity bits are turned over,
+/// those before the first word too; each depends on exactly one bit of the word before, so that they still fit.
 fn as_meant(words: &[u32; 10]) -> Option<Data> {
-    let (mut d29, mut d30) = (0, 0);
+    [0, 1].into_iter().find_map(|last| meant_after(words, last))
+}
+
+/// Data bits as meant after a word whose last two bits were received as `last`.
+fn meant_after(words: &[u32; 10], last: u32) -> Option<Data> {
+    let (mut d29, mut d30) = (last, last);
     let mut out = Packer::default();
     for word in words {
         if parity(word >> 6, d29, d30) != word & 0x3f {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::gnss::{SatelliteId, SignalCode};
+use crate::lost_locks::{LostLocks, SignalKey};
 use crate::time::GpsTime;
 
 /// The highest indicator of DF407 that has a meaning.
@@ -62,40 +62,27 @@ impl LockTime {
 /// The lock times that were seen last.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LockTimes {
-    last: BTreeMap<(SatelliteId, SignalCode), Seen>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Seen {
-    time: GpsTime,
-    lock: LockTime,
-    /// Lost while no phase was sent that could have said so.
-    untold: bool,
+    last: BTreeMap<SignalKey, (GpsTime, LockTime)>,
+    lost: LostLocks,
 }
 
 impl LockTimes {
     /// Takes a lock time, and says for an observation with a phase whether the lock was certainly lost since the signal's
     /// last one with a phase: the time has become shorter, or is shorter than it would be had the lock held.
-    pub(super) fn lost(
-        &mut self,
-        (satellite, signal): (SatelliteId, SignalCode),
-        time: GpsTime,
-        lock: LockTime,
-        has_phase: bool,
-    ) -> bool {
-        let lost = self.last.get(&(satellite, signal)).is_some_and(|before| {
-            let held_ms = before.lock.least_ms + (time - before.time) * 1e3;
-            before.untold || lock.least_ms < before.lock.least_ms || lock.below_ms <= held_ms
+    pub(super) fn lost(&mut self, signal: SignalKey, time: GpsTime, lock: LockTime, has_phase: bool) -> bool {
+        let is_lost = self.last.get(&signal).is_some_and(|(before, held)| {
+            let held_ms = held.least_ms + (time - *before) * 1e3;
+            lock.least_ms < held.least_ms || lock.below_ms <= held_ms
         });
-        self.last.insert((satellite, signal), Seen { time, lock, untold: lost && !has_phase });
-        lost && has_phase
+        self.last.insert(signal, (time, lock));
+        self.lost.observe(signal, is_lost, has_phase)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gnss::Constellation;
+    use crate::gnss::{Constellation, SatelliteId, SignalCode};
 
     #[test]
     fn indicators_follow_the_tables() {

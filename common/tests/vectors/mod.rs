@@ -1,11 +1,11 @@
-//! Reference vectors of satellite states, with their columns by name, when they are there.
+//! Reference vectors of satellite states, with their columns by name.
 
 #![allow(dead_code, clippy::unwrap_used, clippy::indexing_slicing)] // not every test uses everything; helpers of tests
 
 #[path = "../beside/mod.rs"]
 pub mod beside;
 
-use beside::shared;
+use beside::required;
 use cofix_common::frames::{Ecef, EcefVector};
 use cofix_common::gnss::{Constellation, SatelliteId};
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, NavigationMessage};
@@ -18,12 +18,12 @@ pub struct Table {
 }
 
 impl Table {
-    pub fn read(path: &str) -> Option<Self> {
-        let bytes = shared(path)?;
+    pub fn read(path: &str) -> Self {
+        let bytes = required(path);
         let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(&bytes[..]);
         let names = reader.headers().unwrap().iter().map(str::to_owned).collect();
         let rows = reader.records().map(|r| r.unwrap().iter().map(str::to_owned).collect()).collect();
-        Some(Self { names, rows })
+        Self { names, rows }
     }
 
     pub fn text<'a>(&self, row: &'a [String], name: &str) -> &'a str {
