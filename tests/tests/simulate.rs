@@ -84,9 +84,10 @@ fn what_is_written_and_replayed_is_what_was_simulated() {
             for (name, accuracy) in a {
                 let (a, b) = (accuracy.unwrap(), b[name].unwrap());
                 assert_eq!((a.epochs, a.availability), (b.epochs, b.availability), "{kind:?} {name}");
-                for value in [|a: &Accuracy| a.horizontal_p50_m, |a| a.horizontal_p95_m, |a| a.rmse_up_m] {
-                    report_m = report_m.max((value(&a) - value(&b)).abs());
-                }
+                let values: [fn(&Accuracy) -> f64; 3] =
+                    [|a| a.horizontal_p50_m, |a| a.horizontal_p95_m, |a| a.rmse_up_m];
+                let differences = values.into_iter().map(|value| (value(&a) - value(&b)).abs());
+                report_m = differences.fold(report_m, f64::max);
             }
         }
         println!("{kind:?}: wls {wls_m:.5} m, local {local_m:.5} m, report {report_m:.5} m");
