@@ -13,6 +13,7 @@
 mod config;
 pub mod convert;
 pub mod corrections;
+pub mod files;
 pub mod format;
 mod history;
 pub mod input;

@@ -231,9 +231,12 @@ pub(crate) fn note_shortcomings(time_gps: GpsTime, is_first: bool, products: &Pr
             skips.add(reason, || format!("{time_gps}; they cover {first} to {last}"));
         }
     }
-    if is_first && let Some(weeks) = near(products).and_then(|near| time_gps.rollover_weeks_to(near)) {
-        skips.add("recording a multiple of 1,024 weeks from the orbits: its week is probably wrong", || {
-            format!("{time_gps}; shift_weeks = {weeks}, or --shift-weeks {weeks}")
+    if is_first
+        && let Some(near) = near(products)
+        && time_gps.rollover_weeks_to(near).is_some()
+    {
+        skips.add("recording a multiple of 1,024 weeks from the orbits", || {
+            format!("{time_gps}{}", time_gps.rollover_hint(near))
         });
     }
     if is_first

@@ -31,9 +31,10 @@ pub struct GpsTime {
 
 /// Text that is not a GPS calendar time.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("'{text}' is not a GPS time; write YYYY-MM-DDThh:mm:ss, for example 2020-08-13T14:33:00")]
+#[error("'{text}' is not a GPS time; write YYYY-MM-DDThh:mm:ss, for example 2020-08-13T14:33:00{hint}")]
 pub struct GpsTimeError {
     text: String,
+    hint: &'static str,
 }
 
 /// A calendar date and time of day in GPS time.
@@ -133,6 +134,17 @@ impl GpsTime {
         (weeks != 0 && (difference_s - times * rollover_s).abs() <= NEAR_S).then_some(weeks)
     }
 
+    /// What to say, at the end of a sentence, where this time is a multiple of 1,024 weeks from that of the orbits; else nothing.
+    pub fn rollover_hint(self, orbits: Self) -> String {
+        let hint = |weeks: i64| {
+            let (by, way) = (weeks.abs(), if weeks > 0 { "low" } else { "high" });
+            format!(
+                "; the recording's week is probably {by} too {way}: shift_weeks = {weeks}, or --shift-weeks {weeks}"
+            )
+        };
+        self.rollover_weeks_to(orbits).map_or(String::new(), hint)
+    }
+
     /// Seconds into the GPS week, in [0, 604800).
     pub fn tow_s(self) -> f64 {
         let nanos = self.nanos.rem_euclid(7 * SECONDS_PER_DAY * NANOS_PER_SECOND);
@@ -179,11 +191,22 @@ impl Sub for GpsTime {
     }
 }
 
-impl fmt::Display for GpsTime {
+impl GpsTime {
+    /// `YYYY-MM-DDThh:mm:ss.sss`, cut to the millisecond, for fields whose name says that they hold GPS time.
+    pub fn iso(self) -> String {
+        Iso(self).to_string()
+    }
+}
+
+/// A time without the name of its scale.
+struct Iso(GpsTime);
+
+impl fmt::Display for Iso {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let seconds = self.nanos.div_euclid(NANOS_PER_SECOND);
-        let nanos = self.nanos.rem_euclid(NANOS_PER_SECOND);
-        let c = Self::from_nanos(seconds.saturating_mul(NANOS_PER_SECOND)).calendar();
+        let Self(GpsTime { nanos: all }) = *self;
+        let seconds = all.div_euclid(NANOS_PER_SECOND);
+        let nanos = all.rem_euclid(NANOS_PER_SECOND);
+        let c = GpsTime::from_nanos(seconds.saturating_mul(NANOS_PER_SECOND)).calendar();
         write!(
             f,
             "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}",
@@ -198,20 +221,39 @@ impl fmt::Display for GpsTime {
     }
 }
 
+/// With its scale, for people: `2020-08-13T14:33:00.000 GPS`.
+impl fmt::Display for GpsTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} GPS", Iso(*self))
+    }
+}
+
 impl fmt::Debug for GpsTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{self} GPST")
+        fmt::Display::fmt(self, f)
     }
 }
 
 impl FromStr for GpsTime {
     type Err = GpsTimeError;
 
-    /// Reads `YYYY-MM-DDThh:mm:ss[.fraction]` (a space instead of `T` will do), in GPS time.
+    /// Reads `YYYY-MM-DDThh:mm:ss[.fraction]` (a space instead of `T` will do), in GPS time; `GPS` may follow.
     fn from_str(text: &str) -> Result<Self, GpsTimeError> {
-        parse_calendar(text)
+        let calendar = text.trim().strip_suffix("GPS").unwrap_or(text);
+        parse_calendar(calendar)
             .and_then(Self::from_calendar)
-            .ok_or_else(|| GpsTimeError { text: text.to_owned() })
+            .ok_or_else(|| GpsTimeError { text: text.to_owned(), hint: scale_hint(text) })
+    }
+}
+
+/// What to say of a time in another scale.
+fn scale_hint(text: &str) -> &'static str {
+    let text = text.trim_end();
+    let offset = text.rsplit_once(['T', ' ']).is_some_and(|(_, clock)| clock.contains(['+', '-']));
+    if text.ends_with(['Z', 'z']) || text.ends_with("UTC") || offset {
+        ", in GPS time without a zone (18 s more than UTC since 2017)"
+    } else {
+        ""
     }
 }
 
@@ -287,6 +329,12 @@ mod tests {
         assert_eq!(weeks("1981-03-26T12:10:00", "2020-06-25T12:10:00"), Some(2_048));
         assert_eq!(weeks("2020-06-25T12:10:00", "2020-06-25T12:10:00"), None);
         assert_eq!(weeks("2000-11-09T12:10:00", "2020-08-25T12:10:00"), None);
+        let hint = |from: &str| {
+            from.parse::<GpsTime>().unwrap().rollover_hint("2020-06-25T12:10:00".parse().unwrap())
+        };
+        assert!(hint("2000-11-09T12:10:00").contains("1024 too low: shift_weeks = 1024"));
+        assert!(hint("2040-02-09T12:10:00").contains("1024 too high: shift_weeks = -1024"));
+        assert_eq!(hint("2020-06-25T12:10:00"), "");
     }
 
     #[test]
@@ -309,7 +357,12 @@ mod tests {
     #[test]
     fn text_is_read_and_written() {
         let time: GpsTime = "2020-08-13T14:33:00".parse().unwrap();
-        assert_eq!(time.to_string(), "2020-08-13T14:33:00.000");
+        assert_eq!(time.to_string(), "2020-08-13T14:33:00.000 GPS");
+        assert_eq!((time.to_string().parse(), time.iso().parse()), (Ok(time), Ok(time)));
+        for other_scale in ["2020-08-13T14:33:00Z", "2020-08-13 14:33:00 UTC", "2020-08-13T14:33:00+08:00"] {
+            let error = other_scale.parse::<GpsTime>().unwrap_err().to_string();
+            assert!(error.contains("in GPS time without a zone"), "{error}");
+        }
         assert!("2020-02-30T00:00:00".parse::<GpsTime>().is_err());
         assert!("yesterday".parse::<GpsTime>().unwrap_err().to_string().contains("yesterday"));
     }

@@ -470,7 +470,7 @@ fn fixes_of_both_formats() {
     assert!(decoded.decoder.fixes().is_empty());
     assert_eq!(fixes.len(), 2);
     assert_eq!((fixes[0].provider, fixes[1].provider), (FixProvider::Gnss, FixProvider::Fused));
-    assert_eq!(fixes[0].time_gps.to_string(), "2016-06-30T21:26:26.000");
+    assert_eq!(fixes[0].time_gps.to_string(), "2016-06-30T21:26:26.000 GPS");
     assert_eq!((fixes[0].height_m, fixes[0].speed_mps, fixes[0].bearing_rad), (Some(-33.0), Some(1.5), None));
     assert_eq!((fixes[1].height_m, fixes[1].accuracy_m), (None, Some(4.0)));
     assert!((fixes[1].bearing_rad.unwrap() - std::f64::consts::FRAC_PI_2).abs() < 1e-12);

@@ -5,7 +5,6 @@
 mod log_lines;
 
 use cofix_common::gnsslogger::{Options, state};
-use cofix_common::time::GpsTime;
 use log_lines::{
     DAY_NS, HEADER, Line, TRAVEL_NS, WEEK_NS, decode, decode_with, gps, log, metres, only, refusal,
 };
@@ -348,10 +347,4 @@ fn satellites_known_by_channel_are_kept_beside() {
     assert_eq!(count("signal repeated in its epoch"), 1);
     // Without anything else there is no epoch.
     assert_eq!(refusal(&glonass(93, "")), ["GLONASS satellite known by its frequency channel only"]);
-}
-
-#[test]
-fn times_are_those_of_gps() {
-    // The helper's own time, so that the tests above stand on it.
-    assert_eq!(GpsTime::from_nanos(gps(0).gps_ns).to_string(), "2023-11-07T12:00:00.300");
 }

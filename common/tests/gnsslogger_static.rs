@@ -66,7 +66,7 @@ fn june() {
     assert!(epochs.iter().flat_map(|e| &e.observations).all(|o| o.doppler_hz.is_some()));
     let fix = decoder.fixes()[0];
     assert_eq!((decoder.fixes().len(), fix.provider), (216, FixProvider::Gnss));
-    assert_eq!(fix.time_gps.to_string(), "2016-06-30T21:26:26.000", "17 leap seconds");
+    assert_eq!(fix.time_gps.to_string(), "2016-06-30T21:26:26.000 GPS", "17 leap seconds");
     assert!((fix.latitude_rad.to_degrees() - 37.422541).abs() < 1e-9);
     assert_eq!((fix.height_m, fix.accuracy_m), (Some(-33.0), Some(3.0)));
 }

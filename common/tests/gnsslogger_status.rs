@@ -67,10 +67,10 @@ fn times_and_places_of_reports() {
     let reports: Vec<_> = statuses.iter().map(|s| s.report).collect();
     assert_eq!(reports, [0, 0, 1, 2, 2]);
     let times: Vec<_> = statuses.iter().map(|s| s.time_gps.map(|t| t.to_string())).collect();
-    let time = Some("2023-11-07T12:00:01.000".to_owned());
+    let time = Some("2023-11-07T12:00:01.000 GPS".to_owned());
     assert_eq!(times, [None, None, None, time.clone(), time]);
     let after: Vec<_> = statuses.iter().map(|s| s.after_epoch.map(|t| t.to_string())).collect();
-    let epoch = Some("2023-11-07T12:00:00.300".to_owned());
+    let epoch = Some("2023-11-07T12:00:00.300 GPS".to_owned());
     assert_eq!(after, [None, None, epoch.clone(), epoch.clone(), epoch]);
 }
 

@@ -437,6 +437,13 @@ fn whole_numbers_may_be_written_as_floating_point() {
         assert_eq!(epoch.observations, exact.observations, "the pseudoranges have a column of their own");
         assert!(solve(epoch).distance_m(site()) < 0.01);
     }
+    // Rows of either kind are of one epoch: a double is up to 128 ns off.
+    let rows = [0, 1].map(|number: usize| row_2022(START_MS, &sky()[number], 1, true));
+    let ns = START_MS * 1_000_000;
+    let mixed =
+        format!("{HEADER_2022}{}{}", rows[0], rows[1].replace(&ns.to_string(), &format!("{}", ns + 128)));
+    let epochs = parse(&mixed).epochs;
+    assert_eq!((epochs.len(), epochs[0].observations.len()), (1, 2));
     // Of 2021, and truths.
     let table = table_2021(2);
     let first = START_MS.to_string();
@@ -477,6 +484,7 @@ fn a_slip_is_told_by_the_next_phase() {
         (row(1, 29, "900"), vec![no, yes, no]),
         (without_range(row(1, 5, "")), vec![no, yes, no]),
         (without_times(row(1, 5, "")), vec![no, yes, no]),
+        (without_times(row(1, 5, "")).replace("GPS_L1_CA", ""), vec![no, yes, no]),
         (row(0, 5, ""), vec![no, yes, no]),
         (row(1, 1, "900"), vec![no, no, no]),
         (row(1, 0, ""), vec![no, None, no, no]),
@@ -509,6 +517,28 @@ fn satellites_of_qzss_have_either_number() {
         let file = DerivedFile::parse(format!("{HEADER_2021}{}", row(svid)).as_bytes()).unwrap();
         assert_eq!(file.skips.count("satellite that is not used"), 1, "{svid}: {}", file.skips);
     }
+}
+
+#[test]
+fn glonass_satellites_known_by_channel_are_kept_beside() {
+    let sky = sky();
+    let by_channel = |svid: &str, sat: &Sat| {
+        row_2022(START_MS, sat, 1, true)
+            .replace(&format!(",1,{},38.5", sat.number), &format!(",3,{svid},38.5"))
+            .replace("1575420030.0,C", "1602562500.0,C")
+            .replace("GPS_L1_CA", "GLO_G1_CA")
+    };
+    let rows =
+        [row_2022(START_MS, &sky[0], 1, true), by_channel("101", &sky[1]), by_channel("101.0", &sky[2])];
+    let file = DerivedFile::parse(format!("{HEADER_2022}{}", rows.concat()).as_bytes()).unwrap();
+    let [epoch] = file.epochs.as_slice() else { panic!("{}", file.skips) };
+    assert_eq!((epoch.observations.len(), epoch.by_channel.len()), (1, 1), "{}", file.skips);
+    assert_eq!(epoch.by_channel[0].channel, 1);
+    assert!(epoch.by_channel[0].observation.doppler_hz.is_some());
+    assert_eq!(file.skips.count("GLONASS satellite known by its frequency channel only"), 1);
+    assert_eq!(file.skips.count("signal twice in one epoch"), 1);
+    let alone = DerivedFile::parse(format!("{HEADER_2022}{}", rows[1]).as_bytes()).unwrap();
+    assert!(alone.epochs.is_empty());
 }
 
 #[test]

@@ -68,7 +68,7 @@ fn near(value: f64, expected: f64, relative: f64) -> bool {
 fn gps_as_broadcast() {
     let now = GpsTime::from_week_tow(1869, 100.0);
     let e = lnav("G04", &PRN4[..3], ReceiverCheck::Unknown, now).unwrap().unwrap();
-    assert_eq!(e.toe.to_string(), "2015-11-01T02:00:00.000");
+    assert_eq!(e.toe.to_string(), "2015-11-01T02:00:00.000 GPS");
     assert_eq!((e.toc, e.toe_own_tow_s, e.issue_of_data, e.health), (e.toe, 7_200.0, 74, 0.0));
     assert_eq!(e.issue_of_clock, 74);
     // A Block IIF satellite: 26,560 km, 54°, node moving west by 0.04° a day.
@@ -102,7 +102,7 @@ fn ionosphere_and_leap_seconds_as_broadcast() {
 fn qzss_as_broadcast() {
     let now = GpsTime::from_week_tow(2118, 518_500.0);
     let e = lnav("J01", &J01[..3], ReceiverCheck::Unknown, now).unwrap().unwrap();
-    assert_eq!(e.toe.to_string(), "2020-08-15T01:00:00.000");
+    assert_eq!(e.toe.to_string(), "2020-08-15T01:00:00.000 GPS");
     // A geosynchronous orbit of 42,164 km, inclined by 41.7°.
     assert!(near(e.sqrt_a, 6_493.72, 1e-5) && near(e.i0_rad.to_degrees(), 41.719, 1e-3));
     assert!(near(e.eccentricity, 0.075_89, 1e-3));

@@ -106,6 +106,13 @@ fn all_forms_of_words_are_read() {
         for change in [&high as &dyn Fn(&[u32; 10]) -> [u32; 10], &negative, &as_sent, &sent_negative] {
             assert_eq!(read(change, ReceiverCheck::Unknown), Ok(Some(expected)), "{name}");
         }
+        // Tracked half a cycle off, with the data bits put right.
+        let checks_negative = |words: &[u32; 10]| {
+            let mut turned = words.map(|w| w ^ 0xff);
+            turned[0] = words[0] ^ 0xf;
+            turned
+        };
+        assert_eq!(read(&checks_negative, ReceiverCheck::Unknown), Ok(Some(expected)), "{name}");
         let blank = |words: &[u32; 10]| {
             let mut blank = words.map(|w| w & !0xff);
             blank[0] = words[0] & !0xf;

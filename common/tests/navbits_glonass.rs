@@ -48,7 +48,7 @@ fn r01_on(channel: i8) -> GlonassEphemeris {
 fn as_broadcast() {
     let e = r01_on(1);
     assert_eq!((e.satellite.to_string(), e.frequency_channel), ("R01".to_owned(), 1));
-    assert_eq!(e.toe.to_string(), "2015-06-27T00:45:16.000", "3:45 in Moscow");
+    assert_eq!(e.toe.to_string(), "2015-06-27T00:45:16.000 GPS", "3:45 in Moscow");
     assert_eq!((e.health, e.health_flags, e.is_healthy()), (Some(0), Some(0), true));
     assert!((25.4e6..25.6e6).contains(&e.position.0.norm()), "{e:?}");
     assert!((3e3..4e3).contains(&e.velocity.0.norm()) && e.tau_s.abs() < 1e-3 && e.gamma.abs() < 1e-10);

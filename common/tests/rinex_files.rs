@@ -235,7 +235,7 @@ fn short_epochs_and_a_cut_end_are_told_apart() {
     assert_eq!(file.skips.count("epoch has fewer satellites than announced"), 1);
     assert_eq!(file.skips.count("last epoch is cut off"), 1);
     let (_, cut) = file.skips.iter().find(|(reason, _)| *reason == "last epoch is cut off").unwrap();
-    assert!(cut.first.starts_with("line 8: 2020-08-13T14:19:03.000: 1 of 2"), "{}", cut.first);
+    assert!(cut.first.starts_with("line 8: 2020-08-13T14:19:03.000 GPS: 1 of 2"), "{}", cut.first);
 }
 
 #[test]

@@ -128,6 +128,11 @@ impl Engine {
         FusedEpoch { time_gps, phones, actions, distances }
     }
 
+    /// The constraints, in force or not.
+    pub fn constraints(&self) -> &[ScheduledConstraint] {
+        &self.constraints
+    }
+
     /// What was skipped so far.
     pub const fn skips(&self) -> &Skips {
         &self.skips

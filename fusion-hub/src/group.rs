@@ -83,8 +83,9 @@ impl Group {
     pub const GRACE: Duration = Duration::from_secs(10);
 
     /// Puts a group together.
-    pub fn new(parts: Parts) -> Self {
+    pub fn new(mut parts: Parts) -> Self {
         let phones = parts.phones.len();
+        parts.outputs.tally.schedule(parts.engine.constraints());
         Self {
             intake: Intake::new(&parts.phones),
             name: parts.name,
@@ -182,16 +183,8 @@ impl Group {
     pub fn report(&mut self) -> (Report, &mut Outputs) {
         let mut skips = self.intake.skips().clone();
         skips.merge(self.engine.skips());
-        let report = Report {
-            group: self.name.clone(),
-            methods: self.outputs.scores.methods(),
-            unscored: self.outputs.scores.unscored(),
-            epochs: self.outputs.tally.epochs(),
-            common_epochs: self.outputs.tally.common_epochs(),
-            phones: self.outputs.tally.phones(|phone| self.phone_skips(phone)),
-            constraints: self.outputs.tally.constraints(),
-            skips,
-        };
+        let phones = self.outputs.tally.phones(|phone| self.phone_skips(phone));
+        let report = Report { group: self.name.clone(), phones, skips, ..self.outputs.report() };
         (report, &mut self.outputs)
     }
 

@@ -8,6 +8,7 @@
 //! depends on the messages of each phone and not on how those of different phones interleave.
 
 pub mod align;
+pub mod attention;
 pub mod demo;
 pub mod engine;
 pub mod files;
@@ -16,6 +17,7 @@ pub mod intake;
 pub mod live;
 pub mod network;
 pub mod outputs;
+pub mod positions;
 pub mod recorder;
 pub mod recovery;
 pub mod replay;

@@ -12,6 +12,7 @@ use crate::group::{Course, Group, Parts};
 use crate::network::Network;
 use crate::outputs::Outputs;
 use crate::replay::{Outcome, outcome, read_truths_counted};
+use crate::report::SettingsReport;
 use crate::scores::Scores;
 use crate::session::Session;
 
@@ -25,6 +26,10 @@ pub struct LiveOptions {
     pub listen: Vec<String>,
     /// Where to record to.
     pub recording: Option<PathBuf>,
+    /// Where to write fused positions to (see [`crate::positions`]).
+    pub positions: Option<PathBuf>,
+    /// Whether outputs may replace files that are there.
+    pub overwrite: bool,
     /// Whether to end when the agents of all phones have finished.
     pub until_finished: bool,
     /// Alignment.
@@ -43,8 +48,11 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     // A listener that does not keep up must not hold up the hub.
     let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Drop), scores);
     if let Some(path) = &options.recording {
-        outputs.record_to(path, &session.group)?;
+        outputs.record_to(path, &session.group, options.overwrite)?;
         outputs.write_recording_after(RECORDING_AGE);
+    }
+    if let Some(path) = &options.positions {
+        outputs.write_positions_to(path, options.overwrite)?;
     }
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
     let mut group = Group::new(Parts {
@@ -61,9 +69,12 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     if worked.is_ok() {
         group.see_off(&events, stop);
     }
-    // The recording is brought to its end in any case.
-    let outcome = outcome(&mut group, &truth_skips);
-    worked?;
+    if let Err(error) = worked {
+        group.report().1.keep(&error);
+        return Err(error);
+    }
+    let outcome =
+        outcome(&mut group, &truth_skips, SettingsReport::new(&session.settings, &session.truth_quality));
     // Nobody takes events any more: Zenoh's threads must not wait for that.
     drop(events);
     network.close()?;

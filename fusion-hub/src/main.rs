@@ -1,20 +1,25 @@
 //! The command line of the hub.
 
+mod arguments;
+
 use std::io::{IsTerminal, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::bail;
+use arguments::{OutputArguments, conclude};
 use clap::{Parser, Subcommand};
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
 use cofix_hub::align::AlignOptions;
-use cofix_hub::files::{Named, ReportFile, check_absent, check_outputs, inputs};
+use cofix_hub::files::{inputs, live_inputs};
 use cofix_hub::live::{self, LiveOptions};
-use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
+use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_hub::session::Session;
 use cofix_hub::simulate::{self, simulate};
+
+/// Where the demonstration is recorded.
+const DEMO_RECORDING: &str = "cofix-demo.rrd";
 
 /// Fuses the phones of a group in one constrained filter, publishes, records and scores.
 #[derive(Debug, Parser)]
@@ -39,9 +44,6 @@ enum Command {
         /// How long a phone may be silent before the others go on without it; it may lag by twice as much
         #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = latency)]
         latency: f64,
-        /// Replace a recording that is there
-        #[arg(long)]
-        overwrite: bool,
         #[command(flatten)]
         outputs: OutputArguments,
     },
@@ -55,27 +57,14 @@ enum Command {
         #[command(flatten)]
         outputs: OutputArguments,
     },
-    /// Six simulated phones in two cars in and around an urban canyon, without any input
+    /// Six simulated phones in two cars in and around an urban canyon, without any input; recorded to cofix-demo.rrd
+    /// unless told otherwise
     Demo {
-        /// Where to record to
-        #[arg(long, value_name = "FILE", default_value = "cofix-demo.rrd")]
-        recording: PathBuf,
-        /// Where to write the JSON report
-        #[arg(long, value_name = "FILE")]
-        report: Option<PathBuf>,
+        #[command(flatten)]
+        outputs: OutputArguments,
     },
     /// Write a simulated scenario as files: observations, navigation messages, truth, and a session to replay
     Simulate(simulate::Arguments),
-}
-
-#[derive(Debug, clap::Args)]
-struct OutputArguments {
-    /// Where to record to (.rrd)
-    #[arg(long, value_name = "FILE")]
-    recording: Option<PathBuf>,
-    /// Where to write the JSON report
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
 }
 
 /// Seconds between a tenth and an hour.
@@ -112,73 +101,41 @@ fn log_to_stderr(command: &Command) {
 
 fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
     match command {
-        Command::Run { session: file, listen, until_finished, latency, overwrite, outputs } => {
+        Command::Run { session: file, listen, until_finished, latency, outputs } => {
             let session = Session::read(&file)?;
-            let report = outputs.prepare(&inputs(&file, &session))?;
-            if let (Some(path), false) = (&outputs.recording, overwrite) {
-                check_absent(path)?;
-            }
+            let read = live_inputs(&file, &session);
+            let report = outputs.prepare(&inputs(&file, &session), read, folder(&file))?;
             let align = AlignOptions::with_latency(Duration::from_secs_f64(latency));
-            let options = LiveOptions { listen, recording: outputs.recording, until_finished, align };
-            conclude(&live::run(&session, &options, stop)?, report)
+            let OutputArguments { recording, positions, overwrite, .. } = outputs;
+            let options = LiveOptions { listen, recording, positions, overwrite, until_finished, align };
+            conclude(live::run(&session, &options, stop)?, report)
         }
         Command::Replay { session: file, speed, outputs } => {
             let session = Session::read(&file)?;
-            let report = outputs.prepare(&inputs(&file, &session))?;
+            let inputs = inputs(&file, &session);
+            let report = outputs.prepare(&inputs, inputs.clone(), folder(&file))?;
             let plan = Plan::from_session(&session)?;
-            let options = ReplayOptions { recording: outputs.recording, speed, progress: true };
-            conclude(&replay(&plan, &options, stop)?, report)
+            conclude(replay(&plan, &replay_options(outputs, speed), stop)?, report)
         }
-        Command::Demo { recording, report } => {
-            let outputs = OutputArguments { recording: Some(recording), report };
-            let report = outputs.prepare(&[])?;
+        Command::Demo { mut outputs } => {
+            outputs.recording.get_or_insert_with(|| DEMO_RECORDING.into());
+            let report = outputs.prepare(&[], Vec::new(), Path::new(""))?;
             let plan = cofix_hub::demo::plan(cofix_hub::demo::scenario())?;
-            let options =
-                ReplayOptions { recording: outputs.recording, speed: Speed::Maximum, progress: true };
-            conclude(&replay(&plan, &options, stop)?, report)
+            conclude(replay(&plan, &replay_options(outputs, Speed::Maximum), stop)?, report)
         }
         Command::Simulate(arguments) => {
             let session = simulate(&arguments, stop)?;
-            writeln!(std::io::stdout(), "Session: {}", session.display())?;
-            Ok(())
+            writeln!(std::io::stdout(), "Session: {}", session.display()).map_err(Into::into)
         }
     }
 }
 
-impl OutputArguments {
-    /// Checks that the outputs are files of their own and that the report can be written.
-    fn prepare(&self, inputs: &[Named]) -> anyhow::Result<Option<ReportFile>> {
-        let named = |what, path: &Option<PathBuf>| path.as_deref().map(|path| Named::new(what, path));
-        let outputs = [named("the recording", &self.recording), named("the report", &self.report)];
-        let outputs: Vec<Named> = outputs.into_iter().flatten().collect();
-        check_outputs(&outputs, inputs)?;
-        self.report.as_deref().map(ReportFile::prepare).transpose()
-    }
+fn replay_options(outputs: OutputArguments, speed: Speed) -> ReplayOptions {
+    let OutputArguments { recording, positions, overwrite, .. } = outputs;
+    ReplayOptions { recording, positions, overwrite, speed, progress: true }
 }
 
-/// Prints the table, then writes the report.
-fn conclude(outcome: &Outcome, report: Option<ReportFile>) -> anyhow::Result<()> {
-    let printed = print(outcome);
-    if let Some(report) = report {
-        report.write(&outcome.report.json()?)?;
-    }
-    printed?;
-    if let Some(failure) = &outcome.failure {
-        bail!("{failure}");
-    }
-    Ok(())
-}
-
-fn print(outcome: &Outcome) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "{}", outcome.table)?;
-    let skipped = outcome.report.skipped();
-    if !skipped.is_empty() {
-        writeln!(out, "Skipped (the report names the first of each):\n{skipped}\n")?;
-    }
-    if let Some((path, recorded)) = &outcome.recording {
-        let megabytes = recorded.bytes as f64 * 1e-6;
-        writeln!(out, "Recording: {} ({megabytes:.1} MB, {} epochs)", path.display(), recorded.epochs)?;
-    }
-    Ok(())
+/// Where a session file lies.
+fn folder(file: &Path) -> &Path {
+    file.parent().unwrap_or(Path::new(""))
 }

@@ -1,23 +1,30 @@
-//! Where fused epochs go: listeners, recording, scores, counts, progress.
+//! Where fused epochs go: listeners, recording, table of positions, scores, counts, progress.
+
+mod recording;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use anyhow::Context;
+use cofix_agent::files::{Named, OutputFile};
 use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::wire::FusedMessage;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::engine::FusedEpoch;
 use crate::network::FusedPublisher;
+use crate::positions::PositionTable;
 use crate::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
-use crate::report::Tally;
+use crate::report::{Report, SCHEMA, Tally};
 use crate::scores::Scores;
+use recording::RecordingFile;
 
 /// All consumers of fused epochs.
 pub struct Outputs {
     names: Vec<String>,
     publisher: FusedPublisher,
-    recorder: Option<(Recorder, PathBuf)>,
+    recorder: Option<RecordingFile>,
+    positions: Option<(PositionTable<OutputFile>, PathBuf)>,
     failure: Option<String>,
     progress: ProgressBar,
     /// Positions to be scored.
@@ -33,6 +40,7 @@ impl Outputs {
             names: names.to_vec(),
             publisher,
             recorder: None,
+            positions: None,
             failure: None,
             progress: ProgressBar::hidden(),
             scores,
@@ -40,20 +48,31 @@ impl Outputs {
         }
     }
 
-    /// Records into a file, too.
+    /// Records into a file, too, which gets its name at the end; `overwrite`: one that is there may be replaced.
     ///
     /// # Errors
     /// When the file cannot be created.
-    pub fn record_to(&mut self, path: &Path, group: &str) -> anyhow::Result<()> {
+    pub fn record_to(&mut self, path: &Path, group: &str, overwrite: bool) -> anyhow::Result<()> {
         let config = RecorderConfig { group: group.to_owned(), phones: self.names.clone() };
-        self.recorder = Some((Recorder::to_file(path, &config)?, path.to_owned()));
+        self.recorder = Some(RecordingFile::create(path, overwrite, &config)?);
+        Ok(())
+    }
+
+    /// Writes fused positions into a table (see [`crate::positions`]), too, which is there at the end.
+    ///
+    /// # Errors
+    /// When the file cannot be created.
+    pub fn write_positions_to(&mut self, path: &Path, overwrite: bool) -> anyhow::Result<()> {
+        let file = OutputFile::create(Named::new("the positions", path), overwrite)?;
+        let table = PositionTable::new(file, &self.names).with_context(|| cannot_write(path))?;
+        self.positions = Some((table, path.to_owned()));
         Ok(())
     }
 
     /// Writes the recording every `age` or so, not only when there is much.
     pub fn write_recording_after(&mut self, age: Duration) {
-        if let Some((recorder, _)) = &mut self.recorder {
-            recorder.write_after(age);
+        if let Some(file) = &mut self.recorder {
+            file.recorder().write_after(age);
         }
     }
 
@@ -62,19 +81,54 @@ impl Outputs {
         self.with_recorder(Recorder::tick);
     }
 
-    /// Why the recording is incomplete, if it is.
+    /// Why an output is incomplete, if one is.
     pub fn failure(&self) -> Option<&str> {
         self.failure.as_deref()
     }
 
     /// A recording that cannot be written ends there; everything else goes on.
     fn with_recorder(&mut self, work: impl FnOnce(&mut Recorder) -> Result<(), RecorderError>) {
-        let Some((recorder, path)) = &mut self.recorder else { return };
-        if let Err(error) = work(recorder) {
-            let failure = format!("{}: the recording is incomplete: {error}", path.display());
-            tracing::error!("{failure}");
-            self.failure = Some(failure);
-            self.recorder = None;
+        let Some(file) = &mut self.recorder else { return };
+        if let Err(error) = work(file.recorder())
+            && let Some(file) = self.recorder.take()
+        {
+            self.fail(file.keep(&error));
+        }
+    }
+
+    fn fail(&mut self, failure: String) {
+        tracing::error!("{failure}");
+        self.failure = Some(match self.failure.take() {
+            Some(earlier) => format!("{earlier}; {failure}"),
+            None => failure,
+        });
+    }
+
+    /// A table that cannot be written ends there; everything else goes on.
+    fn add_positions(&mut self, epoch: &FusedEpoch) {
+        let Some((table, path)) = &mut self.positions else { return };
+        if let Err(error) = table.push(epoch) {
+            let failure = format!("{}: {error}", cannot_write(path));
+            self.positions = None;
+            self.fail(failure);
+        }
+    }
+
+    /// What is known so far, without what the group knows.
+    pub fn report(&self) -> Report {
+        let span = self.tally.group_span();
+        Report {
+            schema: SCHEMA,
+            methods: self.scores.methods(),
+            unscored: self.scores.unscored(),
+            truth: self.scores.truths(),
+            first_gps: span.map(|(first, _)| first.iso()),
+            last_gps: span.map(|(_, last)| last.iso()),
+            epochs: self.tally.epochs(),
+            common_epochs: self.tally.common_epochs(),
+            same_observations: self.tally.same_observations(),
+            constraints: self.tally.constraints(),
+            ..Report::default()
         }
     }
 
@@ -106,25 +160,68 @@ impl Outputs {
             let references = self.scores.references(epoch);
             self.with_recorder(|recorder| recorder.record(epoch, &references));
         }
+        self.add_positions(epoch);
         let messages = epoch.phones.iter().filter(|phone| phone.message.is_some()).count();
         self.progress.inc(messages as u64);
         Ok(())
     }
 
-    /// Ends the progress bar and the recording, into which the accuracy table goes.
-    pub fn finish(&mut self, table: &str) -> Option<(PathBuf, Recorded)> {
+    /// Ends the progress bar, the table of positions, and the recording, into which the text goes.
+    pub fn finish(&mut self, text: &str) -> Finished {
         self.progress.finish_and_clear();
-        let (recorder, path) = self.recorder.take()?;
-        match recorder.finish(table) {
-            Ok(recorded) => Some((path, recorded)),
+        let positions = self.finish_positions();
+        let recording = self.recorder.take().and_then(|file| match file.finish(text) {
+            Ok(recorded) => Some(recorded),
+            Err(failure) => {
+                self.fail(failure);
+                None
+            }
+        });
+        Finished { recording, positions }
+    }
+
+    fn finish_positions(&mut self) -> Option<PathBuf> {
+        let (table, path) = self.positions.take()?;
+        let whole = table.finish().with_context(|| cannot_write(&path)).and_then(|file| Ok(file.commit()?));
+        match whole {
+            Ok(()) => Some(path),
             Err(error) => {
-                let failure = format!("{}: the recording is incomplete: {error}", path.display());
-                tracing::error!("{failure}");
-                self.failure = Some(failure);
+                self.fail(format!("{error:#}"));
                 None
             }
         }
     }
+
+    /// Ends everything and leaves no file behind: the session did not come to its end and can be run again.
+    pub fn remove(&mut self) {
+        self.progress.finish_and_clear();
+        self.positions = None;
+        if let Some(file) = self.recorder.take() {
+            file.remove();
+        }
+    }
+
+    /// Ends everything and keeps what there is: the session did not come to its end, and will not come again.
+    pub fn keep(&mut self, why: &dyn std::fmt::Display) {
+        self.progress.finish_and_clear();
+        self.finish_positions();
+        if let Some(file) = self.recorder.take() {
+            self.fail(file.keep(why));
+        }
+    }
+}
+
+/// The outputs that have come to their end.
+#[derive(Debug, Default)]
+pub struct Finished {
+    /// The recording.
+    pub recording: Option<(PathBuf, Recorded)>,
+    /// The table of positions.
+    pub positions: Option<PathBuf>,
+}
+
+fn cannot_write(path: &Path) -> String {
+    format!("{}: cannot write the positions", path.display())
 }
 
 fn fused_message(epoch: &FusedEpoch, index: usize, name: &str) -> Option<FusedMessage> {

@@ -15,12 +15,13 @@ use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
 use crate::align::{AlignOptions, Aligner};
+use crate::attention;
 use crate::engine::{Engine, ScheduledConstraint};
 use crate::group::{Course, Group, Parts};
 use crate::network::{Event, Network};
-use crate::outputs::Outputs;
+use crate::outputs::{Finished, Outputs};
 use crate::recorder::Recorded;
-use crate::report::Report;
+use crate::report::{Report, SettingsReport};
 use crate::scores::Scores;
 use crate::session::{Session, SessionPhone, Settings};
 
@@ -64,6 +65,10 @@ pub struct PlannedPhone {
 pub struct ReplayOptions {
     /// Where to record to.
     pub recording: Option<PathBuf>,
+    /// Where to write fused positions to (see [`crate::positions`]).
+    pub positions: Option<PathBuf>,
+    /// Whether outputs may replace files that are there.
+    pub overwrite: bool,
     /// How fast.
     pub speed: Speed,
     /// Whether to show progress on a terminal.
@@ -79,7 +84,9 @@ pub struct Outcome {
     pub table: String,
     /// The recording, if one was wished for.
     pub recording: Option<(PathBuf, Recorded)>,
-    /// Why the recording is incomplete, if it is.
+    /// The table of positions, if one was wished for.
+    pub positions: Option<PathBuf>,
+    /// Why an output is incomplete, if one is.
     pub failure: Option<String>,
 }
 
@@ -229,11 +236,11 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
     let joined = join(agents, &events);
     let mut skips = product_skips;
     skips.merge(&plan.truth_skips);
-    // The recording is brought to its end in any case.
-    let outcome = outcome(&mut group, &skips);
-    worked?;
-    joined?;
-    group.check_result()?;
+    if let Err(error) = worked.and(joined).and_then(|()| group.check_result()) {
+        group.report().1.remove();
+        return Err(error);
+    }
+    let outcome = outcome(&mut group, &skips, SettingsReport::new(&plan.settings, &plan.truth_quality));
     network.close()?;
     Ok(outcome)
 }
@@ -244,7 +251,10 @@ fn group(plan: &Plan, options: &ReplayOptions, network: &Network) -> anyhow::Res
     let scores = Scores::new(truths, plan.truth_quality.clone());
     let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Block), scores);
     if let Some(path) = &options.recording {
-        outputs.record_to(path, &plan.group)?;
+        outputs.record_to(path, &plan.group, options.overwrite)?;
+    }
+    if let Some(path) = &options.positions {
+        outputs.write_positions_to(path, options.overwrite)?;
     }
     if options.progress {
         outputs.show_progress();
@@ -298,18 +308,24 @@ fn join(agents: Vec<JoinHandle<()>>, events: &std::sync::mpsc::Receiver<Event>) 
     failed.map_or(Ok(()), Err)
 }
 
-/// Report, table and finished recording of a group.
-pub(crate) fn outcome(group: &mut Group, more_skips: &Skips) -> Outcome {
+/// Report, table and finished outputs of a group.
+pub(crate) fn outcome(group: &mut Group, more_skips: &Skips, settings: SettingsReport) -> Outcome {
     let names = group.phones().to_vec();
     let (mut report, outputs) = group.report();
+    report.settings = settings;
     report.skips.merge(more_skips);
+    report.attention = attention::findings(&report);
     let table = report.table(&names);
-    let recording = outputs.finish(&table);
+    let Finished { recording, positions } = outputs.finish(
+        &[&table, &report.constraint_table(), &attention::render(&report.attention)]
+            .map(String::as_str)
+            .join("\n\n"),
+    );
     if let Some((_, recorded)) = &recording {
         merge_named(&mut report.skips, "recording", &recorded.skips, "first");
     }
     let failure = outputs.failure().map(str::to_owned);
-    Outcome { report, table, recording, failure }
+    Outcome { report, table, recording, positions, failure }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use cofix_common::accuracy::{Accuracy, Solution, Truth, score};
+use cofix_common::accuracy::{Accuracy, Solution, Spans, Truth, score, time_shift};
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::Ecef;
 use cofix_common::time::GpsTime;
@@ -25,6 +25,25 @@ pub struct Methods {
     pub joint: ByPhone,
 }
 
+/// How the truth of a phone and the session go together.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TruthReport {
+    /// First row, GPS time.
+    pub first_gps: Option<String>,
+    /// Last row, GPS time.
+    pub last_gps: Option<String>,
+    /// Rows within the group's span.
+    pub rows: usize,
+    /// Those of a quality that counts.
+    pub counted_rows: usize,
+    /// Seconds that its times would have to be later for it to fit distinctly better; null when they fit, or nothing moved.
+    pub shift_s: Option<f64>,
+    /// Median horizontal distance of the fused positions from the truth as it is, m; only with a shift.
+    pub median_m: Option<f64>,
+    /// The same after the shift, m.
+    pub shifted_median_m: Option<f64>,
+}
+
 #[derive(Debug, Default)]
 struct PhoneScores {
     name: String,
@@ -40,17 +59,22 @@ struct PhoneScores {
 pub struct Scores {
     phones: Vec<PhoneScores>,
     qualities: Vec<u8>,
+    /// Of the messages of all phones.
+    span: Option<(GpsTime, GpsTime)>,
 }
 
 impl Scores {
     /// For phones with their truth, of which rows of these qualities count.
     pub fn new(phones: Vec<(String, Option<Truth>)>, qualities: Vec<u8>) -> Self {
         let phone = |(name, truth)| PhoneScores { name, truth, ..PhoneScores::default() };
-        Self { phones: phones.into_iter().map(phone).collect(), qualities }
+        Self { phones: phones.into_iter().map(phone).collect(), qualities, span: None }
     }
 
     /// Adds an epoch. Phones without truth cost no memory.
     pub fn push(&mut self, epoch: &FusedEpoch) {
+        for message in epoch.phones.iter().filter_map(|phone| phone.message.as_ref()) {
+            self.span = Some(extended(self.span, message.time_gps));
+        }
         for (scores, phone) in self.phones.iter_mut().zip(&epoch.phones) {
             if scores.truth.is_some() {
                 scores.push(epoch.time_gps, phone);
@@ -69,9 +93,8 @@ impl Scores {
     /// The accuracy so far.
     pub fn methods(&self) -> Methods {
         let by_phone = |solutions: fn(&PhoneScores) -> &[Solution]| {
-            let entry = |scores: &PhoneScores| {
-                (scores.name.clone(), scores.accuracy(&self.qualities, solutions(scores)))
-            };
+            let entry =
+                |scores: &PhoneScores| (scores.name.clone(), self.accuracy(scores, solutions(scores)));
             self.phones.iter().map(entry).collect()
         };
         Methods {
@@ -87,20 +110,50 @@ impl Scores {
             let reason = match (&scores.truth, scores.span) {
                 (None, _) => "it has no truth".to_owned(),
                 (Some(_), None) => "it has no epochs".to_owned(),
-                (Some(truth), Some(span)) => unmatched(truth, span, &self.qualities)?,
+                (Some(truth), Some(span)) => match unmatched(truth, span, &self.qualities) {
+                    Some(reason) => reason,
+                    None if self.is_scored(scores) => return None,
+                    None => "it has no position within half an interval of a row of its truth".to_owned(),
+                },
             };
             Some((scores.name.clone(), reason))
         };
         self.phones.iter().filter_map(reason).collect()
     }
+
+    /// How truths and the session go together, by phone.
+    pub fn truths(&self) -> BTreeMap<String, TruthReport> {
+        let report = |scores: &PhoneScores| {
+            Some((
+                scores.name.clone(),
+                scores.truth_report(scores.truth.as_ref()?, self.span, &self.qualities),
+            ))
+        };
+        self.phones.iter().filter_map(report).collect()
+    }
+
+    fn is_scored(&self, scores: &PhoneScores) -> bool {
+        [&scores.wls, &scores.local, &scores.joint]
+            .into_iter()
+            .any(|solutions| self.accuracy(scores, solutions).is_some())
+    }
+
+    fn accuracy(&self, scores: &PhoneScores, solutions: &[Solution]) -> Option<Accuracy> {
+        let spans = Spans { group: self.span?, recording: scores.span? };
+        score(scores.truth.as_ref()?, &self.qualities, spans, solutions)
+    }
+}
+
+fn extended(span: Option<(GpsTime, GpsTime)>, time: GpsTime) -> (GpsTime, GpsTime) {
+    let (first, last) = span.unwrap_or((time, time));
+    (first.min(time), last.max(time))
 }
 
 impl PhoneScores {
     fn push(&mut self, time_gps: GpsTime, phone: &FusedPhone) {
         if let Some(message) = &phone.message {
             let time = message.time_gps;
-            let (first, last) = self.span.unwrap_or((time, time));
-            self.span = Some((first.min(time), last.max(time)));
+            self.span = Some(extended(self.span, time));
             self.wls.extend(message.wls.as_ref().map(|solution| Solution {
                 time_gps: time,
                 position: solution.position,
@@ -115,8 +168,24 @@ impl PhoneScores {
         self.truth.as_ref()?.at(time, qualities).map(|point| point.position)
     }
 
-    fn accuracy(&self, qualities: &[u8], solutions: &[Solution]) -> Option<Accuracy> {
-        score(self.truth.as_ref()?, qualities, self.span?, solutions)
+    fn truth_report(&self, truth: &Truth, group: Option<(GpsTime, GpsTime)>, counted: &[u8]) -> TruthReport {
+        let all: Vec<u8> = (0..=u8::MAX).collect();
+        let rows = |qualities: &[u8]| {
+            let is_inside = |time: &GpsTime| group.is_some_and(|(first, last)| (first..=last).contains(time));
+            truth.times(qualities).filter(is_inside).count()
+        };
+        // The best positions that there are.
+        let solutions = [&self.joint, &self.local, &self.wls].into_iter().find(|list| !list.is_empty());
+        let shift = solutions.and_then(|solutions| time_shift(truth, counted, solutions));
+        TruthReport {
+            first_gps: truth.span().map(|(first, _)| first.iso()),
+            last_gps: truth.span().map(|(_, last)| last.iso()),
+            rows: rows(&all),
+            counted_rows: rows(counted),
+            shift_s: shift.map(|shift| shift.shift_s),
+            median_m: shift.and_then(|shift| shift.median_m),
+            shifted_median_m: shift.map(|shift| shift.shifted_median_m),
+        }
     }
 }
 

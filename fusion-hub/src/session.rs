@@ -53,6 +53,7 @@
 //!
 //! Paths are relative to the file. Unknown keys are errors.
 
+mod advice;
 mod rules;
 mod text;
 
@@ -194,7 +195,7 @@ impl Session {
     pub fn parse(text: &str, path: &Path) -> Result<Self, SessionError> {
         let file: text::SessionFile = toml::from_str(text).map_err(|error| SessionError::Text {
             path: path.to_owned(),
-            message: error.to_string().trim_end().to_owned(),
+            message: with_advice(&error, text),
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         check(file, folder).map_err(|reason| SessionError::Invalid { path: path.to_owned(), reason })
@@ -203,6 +204,15 @@ impl Session {
     /// The phones' names in order.
     pub fn phone_names(&self) -> Vec<String> {
         self.phones.iter().map(|phone| phone.name.clone()).collect()
+    }
+}
+
+/// What the parser says, with what to write instead.
+fn with_advice(error: &toml::de::Error, text: &str) -> String {
+    let message = error.to_string().trim_end().to_owned();
+    match advice::advice(error, text) {
+        Some(advice) => format!("{message}\n{advice}"),
+        None => message,
     }
 }
 

@@ -33,6 +33,8 @@ fn the_demonstration_records_reports_and_names_the_recording() {
     let text = String::from_utf8(assert.get_output().stdout.clone()).unwrap();
     assert!(text.contains("| joint  | SIM3 "), "{text}");
     assert!(text.contains("Recording: cofix-demo.rrd"), "{text}");
+    let attention = text.find("attention").expect("what needs attention is said");
+    assert!(text.find("Skipped").is_none_or(|skipped| skipped < attention), "{text}");
     assert!(folder.path().join("cofix-demo.rrd").exists());
     let json = std::fs::read_to_string(folder.path().join("demo.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -134,6 +136,90 @@ fn outputs_that_would_overwrite_something_are_refused() {
     }
     assert_eq!(std::fs::read_to_string(folder.path().join("old.rrd")).unwrap(), "precious");
     assert_eq!(std::fs::read_to_string(folder.path().join("live.toml")).unwrap(), session);
+}
+
+#[test]
+fn outputs_that_are_there_are_replaced_only_when_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for output in ["--recording", "--report", "--positions"] {
+        std::fs::write(at("old"), "precious").unwrap();
+        // Those that come before it do not appear either.
+        let arguments = ["demo", "--recording", "new.rrd", "--report", "new.json", "--positions", "new.csv"];
+        let mut arguments = Vec::from(arguments);
+        let place = arguments.iter().position(|argument| *argument == output).unwrap() + 1;
+        arguments[place] = "old";
+        let text = failure(folder.path(), &arguments);
+        assert!(text.contains("old: there is a file already") && text.contains("--overwrite"), "{text}");
+        assert_eq!(std::fs::read_to_string(at("old")).unwrap(), "precious", "{output}");
+        let left: Vec<_> =
+            std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+        assert_eq!(left, ["old"], "{output}");
+        arguments.push("--overwrite");
+        hub(folder.path(), &arguments).success();
+        assert_ne!(std::fs::read(at("old")).unwrap(), b"precious", "{output}");
+        for name in ["new.rrd", "new.json", "new.csv"] {
+            let _ = std::fs::remove_file(at(name));
+        }
+    }
+}
+
+#[test]
+fn positions_are_a_table_with_a_row_for_each_phone_and_epoch() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["demo", "--positions", "demo.csv", "--report", "demo.json"];
+    let assert = hub(folder.path(), &arguments).success();
+    assert!(String::from_utf8_lossy(&assert.get_output().stdout).contains("Positions: demo.csv"));
+    let text = std::fs::read_to_string(folder.path().join("demo.csv")).unwrap();
+    let json = std::fs::read_to_string(folder.path().join("demo.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let header = text.lines().next().unwrap();
+    assert!(
+        header.starts_with("gps_week,gps_tow_s,phone,latitude_deg,longitude_deg,ellipsoidal_height_m,"),
+        "{header}"
+    );
+    for phone in ["SIM1", "SIM2", "SIM3"] {
+        let rows: Vec<Vec<&str>> = text
+            .lines()
+            .map(|line| line.split(',').collect())
+            .filter(|row: &Vec<&str>| row[2] == phone)
+            .collect();
+        let measured = rows.iter().filter(|row| row[9] != "4").count() as u64;
+        let epochs = report["phones"][phone]["epochs"].as_u64().unwrap();
+        assert!(measured <= epochs && measured + 5 > epochs, "{phone}: {measured} rows, {epochs} epochs");
+        assert!(rows.iter().all(|row| row.len() == header.split(',').count() && row[18] == "joint"));
+    }
+}
+
+#[test]
+fn a_session_that_fails_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let session = "group = 'g'\n[[phone]]\nname = 'a'\nobservations = 'missing.rnx'\n";
+    std::fs::write(folder.path().join("session.toml"), session).unwrap();
+    let outputs = ["--recording", "a.rrd", "--report", "a.json", "--positions", "a.csv"];
+    let arguments: Vec<&str> = ["replay", "session.toml"].into_iter().chain(outputs).collect();
+    assert!(failure(folder.path(), &arguments).contains("missing.rnx"));
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(left, ["session.toml"]);
+}
+
+#[test]
+fn session_files_are_told_what_to_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let phone = "[[phone]]\nname = 'a'\n";
+    for (content, said) in [
+        ("group = 'g'\n[phone]\nname = 'a'\n".to_owned(), "write [[phone]], with two brackets"),
+        (format!("group = 'g'\n{phone}[products]\nsp3 = 'a.sp3'\n"), "write a list: sp3 = ['a.sp3']"),
+        (format!("group = 'g'\n{phone}date = 2020-08-13T14:00:00\n"), "in quotes, in GPS time"),
+        (
+            format!("group = 'g'\n{phone}[[constraint]]\nkind = 'distance'\nmax_m = 2\n"),
+            "did you mean `maximum_m`?",
+        ),
+    ] {
+        std::fs::write(folder.path().join("session.toml"), content).unwrap();
+        let text = failure(folder.path(), &["replay", "session.toml"]);
+        assert!(text.contains(said), "expected '{said}' in: {text}");
+    }
 }
 
 #[cfg(target_os = "linux")]

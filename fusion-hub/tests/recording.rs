@@ -216,7 +216,7 @@ fn only_verdicts_that_matter_are_logged() {
     let levels = texts(&store, "/phones/P1/raim", rerun::TextLog::descriptor_level().component);
     assert_eq!(levels, ["INFO", "ERROR", "INFO"]);
     let lines = texts(&store, "/phones/P1/raim", rerun::TextLog::descriptor_text().component);
-    assert_eq!(lines[1], "14:30:04 P1: unreliable: tests failed; D 61.2 > 38.6, 19 dof; 3 excluded");
+    assert_eq!(lines[1], "14:30:04 GPS P1: unreliable: tests failed; D 61.2 > 38.6, 19 dof; 3 excluded");
     let (_directory, path) = scratch();
     record_changed(&path, |_, epoch| {
         for message in epoch.phones.iter_mut().filter_map(|phone| phone.message.as_mut()) {

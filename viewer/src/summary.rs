@@ -10,7 +10,7 @@ use rerun::log::Chunk;
 use rerun::{EntityPath, EntityPathPart, RecordingInfo, TextDocument};
 
 use crate::read::{Contents, read};
-use crate::{APPLICATION_ID, TIMELINE};
+use crate::{APPLICATION_ID, INCOMPLETE, TIMELINE};
 
 /// Why there is no summary.
 #[derive(Debug, thiserror::Error)]
@@ -171,6 +171,9 @@ impl Summary {
         if self.accuracy.is_none() {
             self.warnings.push("no accuracy table: the recording was not finished".to_owned());
         }
+        if let Some(why) = self.accuracy.as_deref().filter(|text| text.starts_with(INCOMPLETE)) {
+            self.warnings.push(why.to_owned());
+        }
         if !self.has_layout {
             self.warnings.push("no layout: the viewer will choose one of its own".to_owned());
         }
@@ -184,7 +187,7 @@ impl Summary {
             writeln!(text, "warning: {warning}")?;
         }
         if let Some((first, last)) = self.span_gps {
-            writeln!(text, "{TIMELINE}: {first} to {last}, {:.1} s", last - first)?;
+            writeln!(text, "{TIMELINE}: {} to {last}, {:.1} s", first.iso(), last - first)?;
         }
         writeln!(text, "phones: {} ({})", self.phones.len(), self.phones.join(", "))?;
         if let Some(accuracy) = &self.accuracy {

@@ -48,6 +48,7 @@ fn summarise(path: &Path) -> Command {
 #[test]
 fn names_are_those_of_the_recorder() {
     assert_eq!(cofix_viewer::APPLICATION_ID, recorder::APPLICATION_ID);
+    assert_eq!(cofix_viewer::INCOMPLETE, recorder::INCOMPLETE);
     assert_eq!(cofix_viewer::TIMELINE, recorder::TIMELINE);
 }
 
@@ -75,7 +76,7 @@ fn the_program_prints_it() {
     let text = stdout(&mut summarise(&path));
     for expected in [
         "group synthetic",
-        "gps_time: 2020-08-13T14:29:59.750 to 2020-08-13T14:30:19.000, 19.2 s",
+        "gps_time: 2020-08-13T14:29:59.750 to 2020-08-13T14:30:19.000 GPS, 19.2 s",
         "phones: 2 (P1, P2)",
         "| joint | P1 | 0.75 |",
         "/phones/*/satellites/usage/*",

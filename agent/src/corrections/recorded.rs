@@ -110,7 +110,7 @@ G01  22100000.000
         let times = |recorded: &mut Recorded, until: &str| -> Vec<String> {
             let arrived = recorded.until(until.parse().unwrap(), &Stop::default()).unwrap();
             let time = |arrived: Arrived| match arrived.record {
-                Record::Epoch(epoch) => epoch.time_gps.to_string(),
+                Record::Epoch(epoch) => epoch.time_gps.iso(),
                 _ => "an ephemeris".to_owned(),
             };
             arrived.into_iter().map(time).collect()

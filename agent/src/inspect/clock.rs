@@ -114,7 +114,7 @@ impl Clock {
             self.jumps.largest_m = jump_m;
         }
         if self.jumps.first.len() < LISTED {
-            self.jumps.first.push(ClockJump { at_gps: at.to_string(), jump_m, signals });
+            self.jumps.first.push(ClockJump { at_gps: at.iso(), jump_m, signals });
         }
     }
 
@@ -195,7 +195,7 @@ mod tests {
         assert_eq!((jumps.count, jumps.first.len()), (1, 1));
         assert!((jumps.largest_m + 299_792.458).abs() < 1e-3);
         assert_eq!(jumps.drift_mps, Some(0.0));
-        assert_eq!(jumps.first[0].at_gps, GpsTime::from_week_tow(2118, 5.0).to_string());
+        assert_eq!(jumps.first[0].at_gps, GpsTime::from_week_tow(2118, 5.0).iso());
     }
 
     #[test]

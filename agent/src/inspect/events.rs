@@ -43,8 +43,8 @@ impl Events {
         if self.first.len() < LISTED {
             self.first.push(EventReport {
                 kind: event.kind.to_string(),
-                at_gps: event.time_gps.map(|time| time.to_string()),
-                after_gps: after.map(|time| time.to_string()),
+                at_gps: event.time_gps.map(GpsTime::iso),
+                after_gps: after.map(GpsTime::iso),
                 lines: event.lines.len(),
                 first_line: event
                     .lines

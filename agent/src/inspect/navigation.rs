@@ -105,8 +105,8 @@ fn messages(file: &NavigationFile) -> Vec<MessageReport> {
             message,
             satellites: sum.satellites.len(),
             messages: sum.messages,
-            first_gps: first.to_string(),
-            last_gps: last.to_string(),
+            first_gps: first.iso(),
+            last_gps: last.iso(),
             unhealthy: sum.unhealthy.iter().map(ToString::to_string).collect(),
         })
     };

@@ -84,7 +84,7 @@ impl Steps {
             gaps.missing_epochs = gaps.missing_epochs.saturating_add(missing);
             gaps.longest_s = gaps.longest_s.max(duration_s);
             if gaps.first.len() < LISTED {
-                gaps.first.push(Gap { after_gps: after.to_string(), duration_s });
+                gaps.first.push(Gap { after_gps: after.iso(), duration_s });
             }
         }
         (Some(interval_s), gaps)
@@ -119,7 +119,7 @@ mod tests {
         assert_eq!(interval, Some(1.0));
         assert_eq!((gaps.count, gaps.missing_epochs), (1, 3));
         assert!((gaps.longest_s - 4.001).abs() < 1e-9);
-        assert_eq!(gaps.first[0].after_gps, (start + 2.999).to_string());
+        assert_eq!(gaps.first[0].after_gps, (start + 2.999).iso());
         assert_eq!(Steps::default().report(), (None, Gaps::default()));
     }
 }

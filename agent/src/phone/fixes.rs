@@ -45,7 +45,7 @@ impl Tally {
     }
 
     pub(super) fn report(&self, provider: FixProvider) -> FixReport {
-        let text = |time: Option<GpsTime>| time.map(|time| time.to_string()).unwrap_or_default();
+        let text = |time: Option<GpsTime>| time.map(GpsTime::iso).unwrap_or_default();
         FixReport {
             provider: match provider {
                 FixProvider::Gnss => "gnss",

@@ -1,9 +1,11 @@
 //! Truth, errors against it, percentiles: what a position is worth.
 
 mod score;
+mod shift;
 mod truth;
 mod truth_table;
 
-pub use score::{Accuracy, Solution, score};
+pub use score::{Accuracy, Solution, Spans, score};
+pub use shift::{TimeShift, time_shift};
 pub use truth::{Truth, TruthError, TruthPoint};
 pub use truth_table::{truth_csv_header, truth_csv_row};

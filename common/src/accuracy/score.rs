@@ -23,14 +23,28 @@ pub struct Solution {
 pub struct Accuracy {
     /// Scored epochs.
     pub epochs: usize,
-    /// Scored epochs / truth epochs inside the phone's recording.
+    /// Scored epochs / truth epochs inside the group's span: what came late or ended early lacks them.
     pub availability: f64,
+    /// Scored epochs / truth epochs inside the phone's own recording.
+    pub availability_in_recording: f64,
     /// Median horizontal error, m.
     pub horizontal_p50_m: f64,
     /// 68th percentile of the horizontal error, m.
     pub horizontal_p68_m: f64,
     /// 95th percentile of the horizontal error, m.
     pub horizontal_p95_m: f64,
+    /// Median of the height's error without its sign, m.
+    pub vertical_p50_m: f64,
+    /// 68th percentile of the same, m.
+    pub vertical_p68_m: f64,
+    /// 95th percentile of the same, m.
+    pub vertical_p95_m: f64,
+    /// Mean east error, m.
+    pub mean_east_m: f64,
+    /// Mean north error, m.
+    pub mean_north_m: f64,
+    /// Mean up error, m.
+    pub mean_up_m: f64,
     /// Root mean square east error, m.
     pub rmse_east_m: f64,
     /// Root mean square north error, m.
@@ -54,27 +68,56 @@ struct Scored {
     nees_up: f64,
 }
 
-/// Scores `solutions` (in order of time) against `truth` for a recording that spans `recording`.
+/// First and last instant of what truth epochs are counted in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Spans {
+    /// Of all phones of the group together.
+    pub group: (GpsTime, GpsTime),
+    /// Of the phone's own recording.
+    pub recording: (GpsTime, GpsTime),
+}
+
+/// A phone by itself.
+impl From<(GpsTime, GpsTime)> for Spans {
+    fn from(recording: (GpsTime, GpsTime)) -> Self {
+        Self { group: recording, recording }
+    }
+}
+
+/// Scores `solutions` (in order of time) against `truth`.
 ///
-/// Each truth epoch of counted quality inside the recording is matched with the nearest solution within half the truth's
+/// Each truth epoch of counted quality inside the group's span is matched with the nearest solution within half the truth's
 /// interval, and the truth is interpolated to that solution's instant. `None` when no truth epoch lies inside, or
 /// none has a solution.
 pub fn score(
     truth: &Truth,
     qualities: &[u8],
-    recording: (GpsTime, GpsTime),
+    spans: impl Into<Spans>,
     solutions: &[Solution],
 ) -> Option<Accuracy> {
+    let spans = spans.into();
     let half_s = truth.interval_s() / 2.0;
-    let inside = |time: GpsTime| time >= recording.0 - half_s && time <= recording.1 + half_s;
-    let mut expected = 0_usize;
+    let is_in = |time: GpsTime, span: (GpsTime, GpsTime)| time >= span.0 - half_s && time <= span.1 + half_s;
+    let mut expected = Expected::default();
     let mut scored = Vec::new();
-    for time in truth.times(qualities).filter(|t| inside(*t)) {
-        expected += 1;
+    for time in truth.times(qualities).filter(|t| is_in(*t, spans.group) || is_in(*t, spans.recording)) {
+        expected.in_group += 1;
+        let is_recorded = is_in(time, spans.recording);
+        expected.in_recording += usize::from(is_recorded);
         let nearest = nearest(solutions, time).filter(|s| (s.time_gps - time).abs() <= half_s);
-        scored.extend(nearest.and_then(|solution| compare(truth, qualities, solution)));
+        let compared = nearest.and_then(|solution| compare(truth, qualities, solution));
+        expected.scored_in_recording += usize::from(is_recorded && compared.is_some());
+        scored.extend(compared);
     }
     Accuracy::of(&scored, expected)
+}
+
+/// Truth epochs that could be scored.
+#[derive(Clone, Copy, Debug, Default)]
+struct Expected {
+    in_group: usize,
+    in_recording: usize,
+    scored_in_recording: usize,
 }
 
 fn nearest(solutions: &[Solution], time: GpsTime) -> Option<&Solution> {
@@ -99,19 +142,30 @@ fn compare(truth: &Truth, qualities: &[u8], solution: &Solution) -> Option<Score
 }
 
 impl Accuracy {
-    fn of(scored: &[Scored], expected: usize) -> Option<Self> {
+    fn of(scored: &[Scored], expected: Expected) -> Option<Self> {
         if scored.is_empty() {
             return None;
         }
-        let mut horizontal: Vec<f64> = scored.iter().map(|s| s.error.horizontal()).collect();
-        horizontal.sort_by(f64::total_cmp);
+        let sorted = |size: fn(&Enu) -> f64| {
+            let mut sizes: Vec<f64> = scored.iter().map(|s| size(&s.error)).collect();
+            sizes.sort_by(f64::total_cmp);
+            sizes
+        };
+        let (horizontal, vertical) = (sorted(|e| e.horizontal()), sorted(|e| e.up.abs()));
         let rms = |component: fn(&Enu) -> f64| mean(scored, |s| component(&s.error).powi(2)).sqrt();
         Some(Self {
             epochs: scored.len(),
-            availability: scored.len() as f64 / expected as f64,
+            availability: scored.len() as f64 / expected.in_group as f64,
+            availability_in_recording: expected.scored_in_recording as f64 / expected.in_recording as f64,
             horizontal_p50_m: percentile(&horizontal, 0.50),
             horizontal_p68_m: percentile(&horizontal, 0.68),
             horizontal_p95_m: percentile(&horizontal, 0.95),
+            vertical_p50_m: percentile(&vertical, 0.50),
+            vertical_p68_m: percentile(&vertical, 0.68),
+            vertical_p95_m: percentile(&vertical, 0.95),
+            mean_east_m: mean(scored, |s| s.error.east),
+            mean_north_m: mean(scored, |s| s.error.north),
+            mean_up_m: mean(scored, |s| s.error.up),
             rmse_east_m: rms(|e| e.east),
             rmse_north_m: rms(|e| e.north),
             rmse_up_m: rms(|e| e.up),
@@ -167,15 +221,19 @@ mod tests {
                 covariance: Matrix3::identity() * 4.0,
             })
             .collect();
-        let accuracy = score(&truth, &[1], (start, start + 7.0), &solutions).unwrap();
+        let spans = Spans { group: (start, start + 7.0), recording: (start, start + 5.0) };
+        let accuracy = score(&truth, &[1], spans, &solutions).unwrap();
         assert_eq!(accuracy.epochs, 6);
-        assert!((accuracy.availability - 0.75).abs() < 1e-12, "8 truth epochs inside the recording");
+        assert!((accuracy.availability - 0.75).abs() < 1e-12, "8 truth epochs inside the group's span");
+        assert!((accuracy.availability_in_recording - 1.0).abs() < 1e-12, "6 of them inside the recording");
+        assert!((accuracy.vertical_p95_m - 2.0).abs() < 1e-4 && (accuracy.mean_up_m + 2.0).abs() < 1e-4);
+        assert!((accuracy.mean_east_m - 3.0).abs() < 1e-4 && (accuracy.mean_north_m - 4.0).abs() < 1e-4);
         assert!((accuracy.horizontal_p95_m - 5.0).abs() < 1e-6);
         assert!((accuracy.rmse_up_m - 2.0).abs() < 1e-4);
         assert!((accuracy.rmse_east_m - 3.0).abs() < 1e-4 && (accuracy.rmse_north_m - 4.0).abs() < 1e-4);
         assert!(
             (accuracy.nees_horizontal - 25.0 / 4.0).abs() < 1e-6 && (accuracy.nees_up - 1.0).abs() < 1e-6
         );
-        assert!(score(&truth, &[2], (start, start + 7.0), &solutions).is_none());
+        assert!(score(&truth, &[2], spans, &solutions).is_none());
     }
 }

@@ -3,6 +3,13 @@
 use super::options::BiasReference;
 use super::pseudorange::ReceiveTime;
 use super::raw::ClockFields;
+use crate::time::{GpsTime, WEEKS_PER_ROLLOVER};
+
+/// Phones log raw measurements since 2016; the clocks of these years are believed (2010 to 2100), as GPS nanoseconds.
+pub(super) const PLAUSIBLE_NS: std::ops::Range<i64> = 946_684_800_000_000_000..3_787_000_000_000_000_000;
+/// A clock that was never set shows the first day of GPS time.
+const FIRST_DAY_NS: i64 = 86_400_000_000_000;
+pub(super) const WEEK_NS: i64 = 7 * FIRST_DAY_NS;
 
 /// Which bias is in force.
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +47,25 @@ impl EpochClock {
         let whole_ns = fields.time_ns.checked_sub(bias.full_ns)?;
         let time = ReceiveTime { whole_ns, fraction_ns: -bias.part_ns };
         Some(Self { fields, time, discontinuous, bias })
+    }
+}
+
+/// A clock that cannot be, and what it would be if a receiver had not rolled over its week once or twice.
+pub(super) fn describe_clock(clock: ClockFields) -> String {
+    let said = format!("TimeNanos {}, FullBiasNanos {}", clock.time_ns, clock.full_bias_ns);
+    let time_ns = clock.time_ns.saturating_sub(clock.full_bias_ns);
+    let rolled_over = [1, 2].into_iter().find_map(|times: i64| {
+        let weeks = times * WEEKS_PER_ROLLOVER;
+        let time_ns = time_ns.checked_add(weeks * WEEK_NS).filter(|_| time_ns >= FIRST_DAY_NS)?;
+        PLAUSIBLE_NS.contains(&time_ns).then(|| (weeks, GpsTime::from_nanos(time_ns)))
+    });
+    let time = GpsTime::from_nanos(time_ns);
+    match rolled_over {
+        Some((weeks, later)) => format!(
+            "{said}, which is {time}; its week is probably {weeks} too low, {later} right: shift_weeks = {weeks}, or \
+             --shift-weeks {weeks}"
+        ),
+        None => said,
     }
 }
 

@@ -3,26 +3,20 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use super::beyond::{Beyond, EpochBeyond};
-use super::clock::EpochClock;
+use super::clock::{EpochClock, PLAUSIBLE_NS, WEEK_NS, describe_clock};
 use super::leap::trusted_leap_seconds;
 use super::measure::{Measured, Refusal, add_carrier, measure};
+use super::names::named;
 use super::options::Options;
 use super::raw::{ClockFields, RawLine};
-use super::signal::{Signal, channel_only, satellite, signal};
+use super::signal::{Signal, channel_only};
 use crate::decode::Record;
-use crate::gnss::{Constellation, EpochFlag, Observation, ObservationEpoch, SatelliteId};
+use crate::gnss::{EpochFlag, Observation, ObservationEpoch, SatelliteId};
 use crate::lost_locks::{LostLocks, SignalKey};
 use crate::measurement::RecordedEpoch;
 use crate::skips::Skips;
-use crate::time::{GpsTime, WEEKS_PER_ROLLOVER};
+use crate::time::GpsTime;
 use crate::time_order::{LONG_STEP_S, TimeOrder};
-
-/// Phones log raw measurements since 2016; the clocks of these years are believed (2010 to 2100), as GPS nanoseconds.
-const PLAUSIBLE_NS: std::ops::Range<i64> = 946_684_800_000_000_000..3_787_000_000_000_000_000;
-
-/// A clock that was never set shows the first day of GPS time.
-const FIRST_DAY_NS: i64 = 86_400_000_000_000;
-const WEEK_NS: i64 = 7 * FIRST_DAY_NS;
 
 /// Collects the observations of lines that share `TimeNanos` into epochs in time order.
 #[derive(Clone, Debug, Default)]
@@ -310,50 +304,4 @@ impl Epochs {
         let epoch = ObservationEpoch { observations, ..current.epoch.clone() };
         self.order.epoch((current.number, epoch), None, skips, &mut |record| records.push_back(record));
     }
-}
-
-/// A clock that cannot be, and what it would be if a receiver had not rolled over its week once or twice.
-fn describe_clock(clock: ClockFields) -> String {
-    let said = format!("TimeNanos {}, FullBiasNanos {}", clock.time_ns, clock.full_bias_ns);
-    let time_ns = clock.time_ns.saturating_sub(clock.full_bias_ns);
-    let rolled_over = [1, 2].into_iter().find_map(|times: i64| {
-        let weeks = times * WEEKS_PER_ROLLOVER;
-        let time_ns = time_ns.checked_add(weeks * WEEK_NS).filter(|_| time_ns >= FIRST_DAY_NS)?;
-        PLAUSIBLE_NS.contains(&time_ns).then(|| (weeks, GpsTime::from_nanos(time_ns)))
-    });
-    let time = GpsTime::from_nanos(time_ns);
-    match rolled_over {
-        Some((weeks, later)) => format!(
-            "{said}, which is {time}; its week is probably {weeks} too low, {later} right: shift_weeks = {weeks}, or \
-             --shift-weeks {weeks}"
-        ),
-        None => said,
-    }
-}
-
-/// Satellite and signal of a line; `None` (counted) if it has none that is known. A GLONASS satellite of which the phone knows the
-/// channel only goes by its number there.
-fn named((number, line): (u64, &RawLine), skips: &mut Skips) -> Option<(SatelliteId, Signal)> {
-    let (system, svid) = (line.constellation_type, line.svid);
-    let channel = channel_only(system, svid);
-    let satellite = satellite(system, svid).map_err(|reason| {
-        skips.add(reason, || format!("line {number}: ConstellationType {system}, Svid {svid}"));
-    });
-    let by_channel = || Some(SatelliteId::new(Constellation::Glonass, u8::try_from(svid).ok()?));
-    let satellite = satellite.ok().or_else(|| channel.and_then(|_| by_channel()))?;
-    let Some(signal) = signal(satellite.constellation, line.frequency_hz, line.code_type) else {
-        // A line without a slot is counted already.
-        if channel.is_none() {
-            let frequency_hz = line.frequency_hz.unwrap_or(f64::NAN);
-            skips.add("carrier frequency of no signal of the system", || {
-                format!("line {number}: {satellite}, {frequency_hz} Hz")
-            });
-        }
-        return None;
-    };
-    let glonass_channel = signal.glonass_channel.or(channel);
-    if channel.is_some() && glonass_channel != channel {
-        return None;
-    }
-    Some((satellite, Signal { glonass_channel, ..signal }))
 }

@@ -49,9 +49,9 @@ mod tests {
     #[test]
     fn unix_time_becomes_gps_time() {
         let at = |millis| from_unix_millis(millis).unwrap().to_string();
-        assert_eq!(at(1_699_400_594_000), "2023-11-07T23:43:32.000");
-        assert_eq!(at(1_483_228_799_000), "2017-01-01T00:00:16.000"); // 2016-12-31 23:59:59 UTC
-        assert_eq!(at(1_483_228_800_000), "2017-01-01T00:00:18.000");
+        assert_eq!(at(1_699_400_594_000), "2023-11-07T23:43:32.000 GPS");
+        assert_eq!(at(1_483_228_799_000), "2017-01-01T00:00:16.000 GPS"); // 2016-12-31 23:59:59 UTC
+        assert_eq!(at(1_483_228_800_000), "2017-01-01T00:00:18.000 GPS");
         assert_eq!(from_unix_millis(0), None);
         assert_eq!(from_unix_millis(i64::MAX), None);
     }

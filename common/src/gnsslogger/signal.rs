@@ -90,7 +90,7 @@ pub(crate) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteI
 
 /// The frequency channel of a GLONASS satellite of which the phone knows nothing else: `Svid` 93 to 106 are 100 more than it
 /// (Android API, `GnssStatus.getSvid`).
-pub(super) fn channel_only(constellation_type: i64, svid: i64) -> Option<i8> {
+pub(crate) fn channel_only(constellation_type: i64, svid: i64) -> Option<i8> {
     let channel = i8::try_from(svid.checked_sub(100)?).ok()?;
     (constellation_type == 3 && (-7..=6).contains(&channel)).then_some(channel)
 }

@@ -5,10 +5,12 @@ use std::collections::{BTreeMap, VecDeque};
 use super::columns::Columns;
 use super::line::{Lines, fields};
 use super::losses::Losses;
-use super::row::{self, Row, Shift};
+use super::row::{self, Row};
+use super::times::{self, Shift};
 use crate::decode::{Decoder, Record, WrongStream};
+use crate::gnss::Observation;
 use crate::gnsslogger::Masks;
-use crate::measurement::{RecordedEpoch, RecordedObservation};
+use crate::measurement::{ChannelObservation, RecordedEpoch, RecordedObservation};
 use crate::skips::Skips;
 use crate::time::{GpsTime, SECONDS_PER_WEEK};
 use crate::time_order::{DAY_S, LONG_STEP_S};
@@ -17,6 +19,8 @@ use crate::time_order::{DAY_S, LONG_STEP_S};
 const REORDER_S: f64 = 60.0;
 /// So many epochs wait at most; of a minute at 10 Hz there are 600.
 const MAX_OPEN: usize = 2_000;
+/// Times of one epoch, some of which went through a double, differ by less than this, s.
+const SAME_TIME_S: f64 = 1e-6;
 /// Arrivals of one epoch differ by less than this, s: they are all the same but for rounding.
 const SAME_ARRIVAL_S: f64 = 0.000_5;
 
@@ -132,8 +136,7 @@ impl Table {
     fn irregular(&mut self, number: u64, row: Row, skips: &mut Skips) {
         let arrival = row.received_gps;
         let is_same = |time: GpsTime| (arrival - time).abs() < SAME_ARRIVAL_S;
-        let near = self.open.range(arrival - SAME_ARRIVAL_S..=arrival + SAME_ARRIVAL_S);
-        let open = near.map(|(time_gps, _)| *time_gps).find(|time_gps| is_same(*time_gps));
+        let open = self.open_near(arrival, SAME_ARRIVAL_S);
         let pending = self.irregular.take_if(|(_, other)| is_same(other.received_gps));
         let Some(time_gps) = open.or(pending.as_ref().map(|(_, other)| other.time_gps)) else {
             self.drop_irregular(skips);
@@ -145,18 +148,24 @@ impl Table {
         }
     }
 
+    /// The time of an open epoch at most `within_s` from another.
+    fn open_near(&self, time: GpsTime, within_s: f64) -> Option<GpsTime> {
+        self.open.range(time - within_s..=time + within_s).next().map(|(time_gps, _)| *time_gps)
+    }
+
     /// Leaves out the row that waits for another one with the same arrival.
     fn drop_irregular(&mut self, skips: &mut Skips) {
         if let Some((number, row)) = self.irregular.take()
             && let Shift::Irregular(late_s) = row.shift
         {
-            let fault = row::contradiction(row.received_gps + late_s, late_s);
+            let fault = times::contradiction(row.received_gps + late_s, late_s);
             skips.add(fault.reason, || format!("line {number}: {}", fault.detail));
         }
     }
 
     fn row(&mut self, number: u64, row: Row, skips: &mut Skips) {
-        let Row { time_gps, received_gps, shift, recorded, lack } = row;
+        let Row { time_gps, received_gps, shift, recorded, channel_only, lack } = row;
+        let time_gps = self.open_near(time_gps, SAME_TIME_S).unwrap_or(time_gps);
         let (satellite, signal) = (recorded.observation.satellite, recorded.observation.signal);
         let is_lost = recorded.observation.loss_of_lock.cycle_slip;
         if !self.is_in_time(time_gps, skips) {
@@ -177,14 +186,20 @@ impl Table {
             observations: Vec::new(),
             by_channel: Vec::new(),
         });
-        let same = |known: &RecordedObservation| {
-            (known.observation.satellite, known.observation.signal) == (satellite, signal)
-        };
-        if epoch.observations.iter().any(same) {
+        let same = |known: &Observation| (known.satellite, known.signal) == (satellite, signal);
+        let by_slot = epoch.observations.iter().map(|known| &known.observation);
+        if by_slot.chain(epoch.by_channel.iter().map(|known| &known.observation)).any(same) {
             self.losses.note_if(is_lost, (satellite, signal), Some(time_gps), self.latest);
             return skips.add("signal twice in one epoch", || {
                 format!("line {number}: {satellite} {signal} at {time_gps}")
             });
+        }
+        if let Some(channel) = channel_only {
+            skips.add("GLONASS satellite known by its frequency channel only", || {
+                format!("line {number}: channel {channel}")
+            });
+            let observation = recorded.observation;
+            return epoch.by_channel.push(ChannelObservation { channel, observation });
         }
         if let Some(lack) = lack {
             skips.add("no corrections in the row, raw observation kept", || {
@@ -245,7 +260,10 @@ impl Table {
             let (time_gps, mut epoch) = entry.remove_entry();
             self.closed = Some(time_gps);
             self.losses.mark(time_gps, &mut epoch);
-            ready.push_back(epoch);
+            // Rows without a slot make no epoch.
+            if !epoch.observations.is_empty() {
+                ready.push_back(epoch);
+            }
         }
     }
 }

@@ -14,6 +14,7 @@ mod losses;
 mod masks;
 mod row;
 mod signal;
+mod times;
 mod truth;
 
 pub use derived::{DerivedDecoder, DerivedFile};

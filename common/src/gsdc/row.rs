@@ -1,6 +1,7 @@
 //! One row: its fields to numbers, checked against what can be.
 
-use super::columns::{Columns, Generation, Optional, Required};
+use super::columns::{Columns, Optional, Required};
+use super::times::{Shift, Times, times};
 use super::{masks, signal};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Ecef, EcefVector};
@@ -13,7 +14,6 @@ use crate::measurement::{
     ORBIT_BOUNDS_M, RecordedObservation,
 };
 use crate::time::GpsTime;
-use crate::time_order::LONG_STEP_S;
 
 /// Pseudoranges outside these bounds (m) are impossible: no satellite in use is nearer or farther.
 const PSEUDORANGE_BOUNDS_M: (f64, f64) = (1e6, 1e9);
@@ -21,12 +21,6 @@ const PSEUDORANGE_BOUNDS_M: (f64, f64) = (1e6, 1e9);
 const MAX_DELAY_M: f64 = 500.0;
 /// Largest Doppler, Hz.
 const MAX_DOPPLER_HZ: f64 = 5e4;
-/// Epoch and arrival may differ by this much, s, in tables that give the epoch to the nanosecond.
-const MAX_TAG_ERROR_S: f64 = 0.1;
-/// What the cut to whole milliseconds changes at most, s.
-const TAG_CUT_S: f64 = 0.001;
-/// Whole seconds that the epoch may be off, as it is where it is that of the next one, s.
-const MAX_TAG_SHIFT_S: f64 = 2.0;
 /// Standard deviation of orbit and clock along the line of sight, m. The files do not carry the broadcast accuracy; this is what
 /// GPS and Galileo reached in those years.
 const ORBIT_SIGMA_M: f64 = 0.5;
@@ -35,7 +29,7 @@ const CODE_SIGMA_BOUNDS_M: (f64, f64) = (0.1, 1e5);
 /// Bits of Android's `ADR_STATE_*` by which a phone says that the lock was lost: reset and cycle slip.
 const LOCK_LOST: u32 = 2 | 4;
 /// Highest time that a 64-bit count of nanoseconds since 1980 leaves room to calculate with.
-const MAX_NANOS: i64 = i64::MAX / 2;
+pub(super) const MAX_NANOS: i64 = i64::MAX / 2;
 
 /// A row that was read.
 #[derive(Clone, Debug)]
@@ -48,17 +42,10 @@ pub(super) struct Row {
     pub(super) shift: Shift,
     /// The observation. That its lock was lost is noted whether or not there is a phase.
     pub(super) recorded: RecordedObservation,
+    /// Of a GLONASS satellite of which nothing else is known: its frequency channel.
+    pub(super) channel_only: Option<i8>,
     /// Why there are no corrections, if there are none.
     pub(super) lack: Option<String>,
-}
-
-/// By how much an epoch as it is written is later than the arrival of the signals.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Shift {
-    /// By whole seconds, mostly none, s.
-    Whole(f64),
-    /// By any other time, s: the row's arrival is in place of the epoch, and counts where another row confirms it.
-    Irregular(f64),
 }
 
 /// Why a row gives nothing.
@@ -101,7 +88,7 @@ impl Fields<'_> {
     }
 
     /// A whole number of nanoseconds or milliseconds.
-    fn count(&self, column: Required, limit: i64) -> Result<i64, Fault> {
+    pub(super) fn count(&self, column: Required, limit: i64) -> Result<i64, Fault> {
         let text = self.text(column);
         let value = integer(text).filter(|value| (0..=limit).contains(value));
         value.ok_or_else(|| Fault {
@@ -143,7 +130,8 @@ pub(super) fn read(columns: &Columns, masks: &Masks, fields: &[&str]) -> Result<
         frequency_hz,
         given,
     };
-    Ok(Row { time_gps, received_gps, shift, recorded, lack })
+    let channel_only = satellite_of(&fields).and_then(|(_, channel)| channel);
+    Ok(Row { time_gps, received_gps, shift, recorded, channel_only, lack })
 }
 
 /// The signal of a row that says that its lock was lost, and the row's time if it can be read, whatever else of it cannot be
@@ -156,68 +144,32 @@ pub(super) fn lost_signal(columns: &Columns, fields: &[&str]) -> Option<(SignalK
     Some((names(&fields).ok()?, fields.count(Required::Time, MAX_NANOS).ok().map(GpsTime::from_nanos)))
 }
 
+/// The satellite of a row, or one without a slot, by its number, and its channel.
+fn satellite_of(fields: &Fields<'_>) -> Option<(SatelliteId, Option<i8>)> {
+    let (constellation, number) = (fields.text(Required::Constellation), fields.text(Required::Satellite));
+    let by_slot = signal::satellite(constellation, number).map(|satellite| (satellite, None));
+    let by_channel = || signal::by_channel(constellation, number);
+    by_slot.or_else(|| by_channel().map(|(satellite, channel)| (satellite, Some(channel))))
+}
+
 fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
     let (constellation, number) = (fields.text(Required::Constellation), fields.text(Required::Satellite));
-    let satellite = signal::satellite(constellation, number).ok_or_else(|| Fault {
+    let (satellite, _) = satellite_of(fields).ok_or_else(|| Fault {
         reason: "satellite that is not used",
         detail: format!("constellation type '{}', svid '{}'", shorten(constellation), shorten(number)),
     })?;
-    let name = fields.text(Required::Signal);
+    let on_carrier =
+        || signal::name_on(satellite.constellation, fields.optional(Optional::CarrierFrequency)?);
+    let name = match fields.text(Required::Signal) {
+        "" => on_carrier().unwrap_or_default(),
+        name => name,
+    };
     let code_type = fields.columns.optional(fields.fields, Optional::CodeType);
     let signal = signal::signal(satellite.constellation, name, code_type).ok_or_else(|| Fault {
         reason: "signal that is not used",
         detail: format!("{satellite} '{}'", shorten(name)),
     })?;
     Ok((satellite, signal))
-}
-
-struct Times {
-    time_gps: GpsTime,
-    received_gps: GpsTime,
-    shift: Shift,
-}
-
-fn times(fields: &Fields<'_>, pseudorange_m: f64) -> Result<Times, Fault> {
-    let transmission = GpsTime::from_nanos(fields.count(Required::Transmission, MAX_NANOS)?);
-    let arrival = transmission + pseudorange_m / SPEED_OF_LIGHT_MPS;
-    let times = match fields.columns.generation {
-        Generation::Derived2021 => {
-            let millis = fields.count(Required::Time, MAX_NANOS / 1_000_000)?;
-            times_2021(GpsTime::from_nanos(millis * 1_000_000), arrival)
-        }
-        Generation::Device2022 => {
-            let written = GpsTime::from_nanos(fields.count(Required::Time, MAX_NANOS)?);
-            let shift_s = (written - arrival).round();
-            let time_gps = written - shift_s;
-            let is_sound = shift_s.abs() <= MAX_TAG_SHIFT_S && (time_gps - arrival).abs() <= MAX_TAG_ERROR_S;
-            let times = Times { time_gps, received_gps: time_gps, shift: Shift::Whole(shift_s) };
-            is_sound.then_some(times).ok_or(written)
-        }
-    };
-    times.map_err(|written| contradiction(written, written - arrival))
-}
-
-/// In the files of 2021 an epoch carries the time of the next one; the arrival that follows from transmission and pseudorange
-/// tells. Of it they keep whole milliseconds, in one of which a satellite goes 4 m; the arrival has the rest. Where the step to
-/// the next epoch is no whole number of seconds, the arrival alone tells the time. The epoch as written if it is absurd.
-fn times_2021(written: GpsTime, arrival: GpsTime) -> Result<Times, GpsTime> {
-    let late_s = written - arrival;
-    let shift_s = late_s.round();
-    let is_cut = (late_s - shift_s).abs() <= TAG_CUT_S;
-    if is_cut && shift_s.abs() <= MAX_TAG_SHIFT_S {
-        let time_gps = written - shift_s;
-        return Ok(Times { time_gps, received_gps: arrival, shift: Shift::Whole(shift_s) });
-    }
-    let times = Times { time_gps: arrival, received_gps: arrival, shift: Shift::Irregular(late_s) };
-    (late_s.abs() < LONG_STEP_S).then_some(times).ok_or(written)
-}
-
-/// A row whose epoch and arrival do not go together.
-pub(super) fn contradiction(written: GpsTime, late_s: f64) -> Fault {
-    Fault {
-        reason: "epoch contradicts transmission and pseudorange",
-        detail: format!("{written} is {late_s:.3} s after the arrival"),
-    }
 }
 
 fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {

@@ -1,7 +1,7 @@
 //! Android's numbers and the challenge's names to satellites and signals.
 
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
-use crate::gnsslogger::android_satellite;
+use crate::gnsslogger::{android_satellite, channel_only};
 use crate::integer::integer;
 
 /// The satellite of a constellation type and a number, both Android's. `None` for augmentation satellites, unknown types, and
@@ -9,6 +9,13 @@ use crate::integer::integer;
 pub(super) fn satellite(constellation: &str, number: &str) -> Option<SatelliteId> {
     let satellite = android_satellite(integer(constellation)?, integer(number)?).ok()?;
     (satellite.constellation != Constellation::Sbas).then_some(satellite)
+}
+
+/// A GLONASS satellite of which only the frequency channel is known, by its number, and the channel.
+pub(super) fn by_channel(constellation: &str, number: &str) -> Option<(SatelliteId, i8)> {
+    let (constellation, number) = (integer(constellation)?, integer(number)?);
+    let channel = channel_only(constellation, number)?;
+    Some((SatelliteId::new(Constellation::Glonass, u8::try_from(number).ok()?), channel))
 }
 
 /// The signal of a name such as `GPS_L1`, `GAL_E5A`, `BDS_B1I` (2021) or `GPS_L5_Q`, `GAL_E1_C_P`, `BDS_B1_I` (since 2022).
@@ -43,6 +50,27 @@ pub(super) fn signal(constellation: Constellation, name: &str, code_type: &str) 
     Some(SignalCode::new(band, attribute))
 }
 
+/// The name of the signal on a carrier, where a row has none: that of a satellite for which its maker had no orbit.
+pub(super) fn name_on(constellation: Constellation, frequency_hz: f64) -> Option<&'static str> {
+    /// Carriers are printed as 32-bit floats and rounded, Hz.
+    const TOLERANCE_HZ: f64 = 200e3;
+    let names: &[(f64, &str)] = match constellation {
+        Constellation::Gps => &[(1_575.42e6, "GPS_L1"), (1_176.45e6, "GPS_L5")],
+        Constellation::Qzss => &[(1_575.42e6, "QZS_L1"), (1_176.45e6, "QZS_L5")],
+        Constellation::Galileo => &[(1_575.42e6, "GAL_E1"), (1_176.45e6, "GAL_E5A"), (1_207.14e6, "GAL_E5B")],
+        Constellation::Beidou => {
+            &[(1_561.098e6, "BDS_B1I"), (1_575.42e6, "BDS_B1C"), (1_176.45e6, "BDS_B2A")]
+        }
+        Constellation::Navic => &[(1_176.45e6, "IRN_L5")],
+        Constellation::Glonass if (1.597e9..1.607e9).contains(&frequency_hz) => return Some("GLO_G1"),
+        _ => &[],
+    };
+    names
+        .iter()
+        .find(|(carrier_hz, _)| (carrier_hz - frequency_hz).abs() <= TOLERANCE_HZ)
+        .map(|(_, name)| *name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -68,6 +96,23 @@ mod tests {
         assert_eq!(known(Constellation::Glonass, "GLO_G1_CA", "C"), "1C");
         assert_eq!(signal(Constellation::Gps, "GAL_E1", ""), None);
         assert_eq!(signal(Constellation::Gps, "", ""), None);
+    }
+
+    #[test]
+    fn carriers_have_names() {
+        use Constellation::{Beidou, Galileo, Glonass, Gps};
+        for (system, frequency_hz, expected) in [
+            (Gps, 1_575_420_030.0, Some("1C")),
+            (Gps, 1_176_450_050.0, Some("5X")),
+            (Glonass, 1_598_062_460.0, Some("1C")),
+            (Galileo, 1_207_140_000.0, Some("7X")),
+            (Beidou, 1_561_097_980.0, Some("2I")),
+            (Gps, 1_561_097_980.0, None),
+            (Glonass, f64::NAN, None),
+        ] {
+            let found = name_on(system, frequency_hz).and_then(|name| signal(system, name, ""));
+            assert_eq!(found.map(|code| code.to_string()).as_deref(), expected, "{system:?} {frequency_hz}");
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@
 
 use std::str::FromStr;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::{GivenCorrections, PreparedObservation};
 use crate::gnss::{Constellation, SignalCode};
@@ -18,7 +18,7 @@ use crate::skips::Skips;
 const MOST_NOISE: f64 = 5.0;
 
 /// What is done about the ionosphere.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ionosphere {
     /// Every signal by itself, with the delay of a model (or of the recording, where it states one).

@@ -68,7 +68,7 @@ pub enum OrbitError {
         satellite: SatelliteId,
     },
     /// The products know the satellite, but not at this time.
-    #[error("{satellite} at {time}: orbits cover {first} to {last} only")]
+    #[error("{satellite} at {time}: orbits cover {first} to {last} only{}", time.rollover_hint(*first))]
     NotCovered {
         /// The satellite.
         satellite: SatelliteId,

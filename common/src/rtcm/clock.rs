@@ -93,7 +93,7 @@ mod tests {
     }
 
     fn resolved(near: &str, constellation: Constellation, sent: SentTime) -> String {
-        clock(near).resolve(constellation, sent).unwrap().to_string()
+        clock(near).resolve(constellation, sent).unwrap().iso()
     }
 
     #[test]
@@ -144,7 +144,7 @@ mod tests {
             ("2020-08-03T20:00:00", Some(226), "2020-08-03T14:19:53.000"),
         ] {
             let time = clock(near).resolve_moscow(day, millis, 4.0 * 86_400.0).unwrap();
-            assert_eq!(time.to_string(), expected, "{near} {day:?}");
+            assert_eq!(time.iso(), expected, "{near} {day:?}");
         }
     }
 

@@ -2,13 +2,13 @@
 //!
 //! # Contents
 //!
-//! The timeline is `gps_time` (GPS time shown as if it were UTC). Everything of a phone's own epoch is at the
+//! The timeline is `gps_time`: GPS time, which Rerun shows as if it were UTC, with a `Z` that is not ours. Everything of a phone's own epoch is at the
 //! receive time of its message, everything after fusion at the common time of the group; errors are against
 //! the truth at the same instant. `<method>` is `wls`, `local`, `joint` or `truth`.
 //!
 //! | entity | content |
 //! |---|---|
-//! | `/phones/<phone>/map/<method>` | `GeoPoints`, one position per epoch |
+//! | `/phones/<phone>/map/<method>` | `GeoPoints`, one position per epoch; longitudes within 180° of the group's first fix |
 //! | `/phones/<phone>/map/<method>/track` | `GeoLineStrings`, the whole track, static |
 //! | `/phones/<phone>/enu/<method>` | `Points3D`, m east, north, up of the group's first fix |
 //! | `/phones/<phone>/enu/<method>/sigma` | `Ellipsoids3D`, the 1σ surface of the position's covariance |
@@ -68,6 +68,9 @@ use crate::engine::{FusedEpoch, FusedPhone};
 
 /// Epochs between two writes. A crash loses at most these; fewer make a larger file.
 const EPOCHS_PER_SEGMENT: usize = 512;
+
+/// How the text in place of the accuracy table begins when a session did not come to its end.
+pub const INCOMPLETE: &str = "Incomplete";
 
 /// What a recording must know before its first epoch.
 #[derive(Clone, Debug, PartialEq, Eq)]

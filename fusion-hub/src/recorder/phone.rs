@@ -1,9 +1,7 @@
 //! All that is recorded of one phone.
 
 use cofix_common::frames::{Ecef, LocalFrame};
-use cofix_common::gnss::SatelliteId;
 use cofix_common::integrity::{Cause, RaimReport, Verdict};
-use cofix_common::measurement::Usage;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
@@ -17,6 +15,7 @@ use super::series::{LogLines, Series, Style};
 use super::signals::Signals;
 use super::track::{Ellipsoid, Track, drawable, ellipsoid};
 use crate::engine::FusedPhone;
+use crate::report::satellites_used;
 
 /// What a phone's epoch is recorded at.
 #[derive(Clone, Copy)]
@@ -129,11 +128,7 @@ impl PhoneRecorder {
     fn push_message(&mut self, time_ns: i64, message: Option<&EpochMessage>, skips: &mut Skips) {
         let observations = message.map_or(&[][..], |m| &m.observations);
         self.signals.push(time_ns, observations, skips);
-        let mut used: Vec<SatelliteId> =
-            observations.iter().filter(|o| o.usage == Usage::Used).map(|o| o.satellite).collect();
-        used.sort_unstable();
-        used.dedup();
-        self.satellites.push(time_ns, message.map(|_| used.len() as f64), skips);
+        self.satellites.push(time_ns, message.map(|m| satellites_used(m) as f64), skips);
         self.pdop.push(time_ns, message.and_then(|m| m.wls.as_ref()).map(|s| s.dops.pdop), skips);
         let Some(raim) = message.map(|m| m.raim) else { return };
         if raim.verdict != Verdict::Reliable || self.last_verdict != Some(raim.verdict) {

@@ -111,11 +111,11 @@ impl LogLines {
         Self { entity, rows: Rows::default() }
     }
 
-    /// Adds a line, after its time of day; `level` is one of [`rerun::TextLogLevel`]'s.
+    /// Adds a line, after its time of day in GPS time; `level` is one of [`rerun::TextLogLevel`]'s.
     pub fn push(&mut self, time_ns: i64, level: &'static str, text: &str) {
         let second_of_day = time_ns.div_euclid(1_000_000_000).rem_euclid(86_400);
         let (hour, minute, second) = (second_of_day / 3_600, second_of_day / 60 % 60, second_of_day % 60);
-        self.rows.push(time_ns, Some((format!("{hour:02}:{minute:02}:{second:02} {text}"), level)));
+        self.rows.push(time_ns, Some((format!("{hour:02}:{minute:02}:{second:02} GPS {text}"), level)));
     }
 
     pub fn write_segment(&mut self, file: &mut RrdFile) -> Result<(), RecorderError> {

@@ -1,5 +1,6 @@
 //! Positions of one phone by one method: on the map, in the local frame with its 1σ ellipsoid, as whole tracks.
 
+use cofix_common::constraint::wrap_rad;
 use cofix_common::frames::{Ecef, LocalFrame};
 use nalgebra::{Matrix3, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion};
 use rerun::{Ellipsoids3D, GeoLineStrings, GeoPoints, LineStrips3D, Points3D};
@@ -72,6 +73,15 @@ pub(super) fn ellipsoid(frame: &LocalFrame, covariance_ecef_m2: &Matrix3<f64>) -
     finite.then(|| Ellipsoid { half_sizes_m: half_sizes_m.into(), quaternion_xyzw: quaternion_xyzw.into() })
 }
 
+/// Latitude and longitude, degrees. The longitude is within half a turn of the recording's origin and so may pass 180°: a map
+/// shows tracks across the date line in one piece then.
+fn on_map(frame: &LocalFrame, position: Ecef) -> [f64; 2] {
+    let geodetic = position.ecef_to_geodetic();
+    let origin_rad = frame.geodetic().longitude_rad;
+    let longitude_rad = origin_rad + wrap_rad(geodetic.longitude_rad - origin_rad);
+    [geodetic.latitude_deg(), longitude_rad.to_degrees()]
+}
+
 #[allow(clippy::cast_possible_truncation)] // pictures: metres from a near origin
 fn single(value: f64) -> f32 {
     value as f32
@@ -103,12 +113,11 @@ impl Track {
             self.ellipsoids.push(time_ns, None);
             return;
         };
-        let geodetic = position.ecef_to_geodetic();
         let fix = Fix {
-            latitude_longitude_deg: [geodetic.latitude_deg(), geodetic.longitude_deg()],
+            latitude_longitude_deg: on_map(frame, position),
             enu_m: frame.ecef_to_enu(position).vector().map(single).into(),
         };
-        if !self.open {
+        if !self.open || self.goes_round_the_map(&fix) {
             self.stretches.push(Stretch::default());
             self.open = true;
         }
@@ -118,6 +127,13 @@ impl Track {
         }
         self.ellipsoids.push(time_ns, ellipsoid.map(|e| (fix.enu_m, e)));
         self.fixes.push(time_ns, Some(fix));
+    }
+
+    /// Whether a line from the last fix would cross the whole map: within one step the other side of the Earth is passed only
+    /// next to a pole, or by a wild estimate.
+    fn goes_round_the_map(&self, next: &Fix) -> bool {
+        let last = self.stretches.last().and_then(|stretch| stretch.latitude_longitude_deg.last());
+        last.is_some_and(|last| (last[1] - next.latitude_longitude_deg[1]).abs() > 180.0)
     }
 
     /// Writes what holds always: colours, sizes, labels.
@@ -193,6 +209,7 @@ impl Track {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cofix_common::frames::Geodetic;
     use nalgebra::Vector3;
 
     #[test]
@@ -207,6 +224,38 @@ mod tests {
         let back = rotation.matrix() * Matrix3::from_diagonal(&variances) * rotation.matrix().transpose();
         let expected = frame.covariance_ecef_to_enu(&covariance);
         assert!((back - expected).amax() < 1e-4, "{back} {expected}");
+    }
+
+    #[test]
+    fn tracks_across_the_date_line_are_drawn_in_one_piece_where_they_are() {
+        let at = |longitude_deg| Geodetic::from_degrees(-17.0, longitude_deg, 10.0).geodetic_to_ecef();
+        let longitudes = |origin_deg, fixes: &[f64]| {
+            let frame = LocalFrame::at(at(origin_deg));
+            let mut track = Track::new("a", Method::Joint);
+            for &fix in fixes {
+                track.push(0, &frame, Some(at(fix)), None);
+            }
+            let of =
+                |stretch: &Stretch| stretch.latitude_longitude_deg.iter().map(|p| p[1]).collect::<Vec<_>>();
+            track.stretches.iter().map(of).collect::<Vec<_>>()
+        };
+        let near = |a: &[Vec<f64>], b: &[Vec<f64>]| {
+            a.len() == b.len()
+                && a.iter()
+                    .zip(b)
+                    .all(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9))
+        };
+        for (origin_deg, fixes, expected) in [
+            (179.999, vec![179.999, 180.0, -179.999], vec![vec![179.999, 180.0, 180.001]]),
+            (-179.999, vec![-179.999, 179.999, -179.998], vec![vec![-179.999, -180.001, -179.998]]),
+            (114.0, vec![114.0, 114.1], vec![vec![114.0, 114.1]]),
+            // The other side of the Earth is passed.
+            (0.0, vec![179.0, -179.0], vec![vec![179.0], vec![-179.0]]),
+            (0.0, vec![-1.0, 1.0], vec![vec![-1.0, 1.0]]),
+        ] {
+            let drawn = longitudes(origin_deg, &fixes);
+            assert!(near(&drawn, &expected), "{origin_deg} {fixes:?}: {drawn:?}");
+        }
     }
 
     #[test]

@@ -1,9 +1,17 @@
-use cofix_common::constraint::SkipReason;
-use cofix_common::integrity::{Cause, RaimReport};
+use cofix_common::accuracy::Accuracy;
+use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome, SkipReason};
+use cofix_common::filter::PhoneState;
+use cofix_common::frames::{Direction, Ecef, EcefVector};
+use cofix_common::gnss::SignalCode;
+use cofix_common::integrity::{Cause, RaimReport, Verdict};
+use cofix_common::measurement::{CorrectedObservation, Usage};
+use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
+use nalgebra::{SMatrix, SVector};
 
 use super::*;
-use crate::engine::FusedPhone;
+use crate::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
+use crate::scores::ByPhone;
 
 fn names() -> Vec<String> {
     vec!["b".to_owned(), "a".to_owned()]
@@ -20,9 +28,42 @@ fn epoch(seconds: f64, verdict: Verdict, actions: Vec<ConstraintAction>) -> Fuse
         local: None,
         raim: RaimReport { verdict, global_test: None, excluded: 0 },
     };
-    let phones =
-        vec![FusedPhone { message: Some(message), state: None }, FusedPhone { message: None, state: None }];
+    let phones = vec![
+        FusedPhone { message: Some(message), state: Some(state()) },
+        FusedPhone { message: None, state: Some(state()) },
+    ];
     FusedEpoch { time_gps, phones, actions, distances: Vec::new() }
+}
+
+/// On the equator, with standard deviations of 3 m east, 4 m north and 2 m up.
+fn state() -> PhoneState {
+    let mut mean = SVector::<f64, 9>::zeros();
+    mean[0] = 6_378_137.0;
+    let mut covariance = SMatrix::<f64, 9, 9>::identity();
+    for (axis, variance) in [(0, 4.0), (1, 9.0), (2, 16.0)] {
+        covariance[(axis, axis)] = variance;
+    }
+    PhoneState { mean, covariance }
+}
+
+fn observation(satellite: &str, pseudorange_m: f64) -> CorrectedObservation {
+    CorrectedObservation {
+        satellite: satellite.parse().unwrap(),
+        signal: SignalCode::new(b'1', b'C'),
+        pseudorange_m,
+        pseudorange_sigma_m: 3.0,
+        range_rate: None,
+        cn0_dbhz: None,
+        direction: Direction { azimuth_rad: 0.0, elevation_rad: 1.0 },
+        satellite_position: Ecef::new(2e7, 0.0, 0.0),
+        satellite_velocity: EcefVector::new(0.0, 0.0, 0.0),
+        usage: Usage::Used,
+        residual_m: None,
+    }
+}
+
+fn always(constraint: Constraint) -> ScheduledConstraint {
+    ScheduledConstraint { constraint, from_gps: None, to_gps: None }
 }
 
 fn action(constraint: Constraint, before: f64, shift_m: f64, enlargements: u32) -> ConstraintAction {
@@ -42,6 +83,7 @@ fn epochs_verdicts_and_constraints_are_counted() {
     let vertical = Constraint::VerticalVelocity { phone: 1, maximum_mps: 1.0 };
     let heading = Constraint::Heading { phone: 0, course_rad: 1.0, tolerance_rad: 0.1 };
     let mut tally = Tally::new(&names());
+    tally.schedule(&[always(distance), always(vertical), always(heading)]);
     let actions =
         vec![action(distance, 3.0, 0.5, 2), action(vertical, -1.5, 0.1, 0), action(heading, 0.05, 0.2, 0)];
     tally.push(&epoch(10.0, Verdict::Reliable, actions));
@@ -56,19 +98,113 @@ fn epochs_verdicts_and_constraints_are_counted() {
     assert_eq!(phones["b"].verdicts["reliable"], 1);
     assert_eq!(phones["b"].verdicts["unreliable: geometry"], 1);
     assert_eq!(phones["b"].last_gps.as_deref(), Some("2020-08-09T00:00:11.000"));
+    assert_eq!((phones["b"].share_of_group, phones["a"].share_of_group), (Some(1.0), Some(0.0)));
+    let sigma = phones["a"].horizontal_sigma_m.unwrap().median;
+    assert!((sigma - 5.0).abs() < 1e-9 && (phones["b"].vertical_sigma_m.unwrap().median - 2.0).abs() < 1e-9);
     let constraints = tally.constraints();
-    let expected = ConstraintReport {
-        acted: 2,
-        violated_before: 1,
-        violated_after: 1,
-        not_applied: 1,
-        largest_shift_m: 0.5,
-        mean_shift_m: 0.3,
-        enlarged: 1,
+    let distance = &constraints["distance b a"];
+    assert_eq!(distance.bounds, Bounds::Distance { minimum_m: 1.0, maximum_m: 2.0 });
+    assert_eq!((distance.phones.join(" ").as_str(), distance.from_gps.as_ref()), ("b a", None));
+    assert_eq!((distance.epochs_in_window, distance.epochs_in_force, distance.acted), (2, 2, 2));
+    assert_eq!((distance.violated_before, distance.violated_after, distance.enlarged), (1, 1, 1));
+    assert!((distance.largest_shift_m - 0.5).abs() < 1e-12 && (distance.mean_shift_m - 0.3).abs() < 1e-12);
+    assert_eq!(constraints["vertical-velocity a"].violated_before, 1);
+    assert_eq!(constraints["heading b"].violated_before, 0);
+}
+
+#[test]
+fn a_constraint_that_is_refused_counts_as_violated_and_one_that_never_holds_is_there() {
+    let distance = Constraint::Distance { phones: (0, 1), minimum_m: 0.0, maximum_m: 2.0 };
+    let at = |seconds| Some(GpsTime::from_week_tow(2118, seconds));
+    let within = |from_gps, to_gps| ScheduledConstraint { constraint: distance, from_gps, to_gps };
+    let mut tally = Tally::new(&names());
+    tally.schedule(&[within(None, at(10.5)), within(at(10.5), None), within(at(1e6), None)]);
+    let refused = |reason| ConstraintAction {
+        outcome: ConstraintOutcome::Skipped(reason),
+        after: 9.0,
+        ..action(distance, 9.0, 0.0, 0)
     };
-    assert_eq!(constraints["distance b–a, 1 to 2 m"], expected);
-    assert_eq!(constraints["vertical-velocity a, ±1 m/s"].violated_before, 1);
-    assert_eq!(constraints["heading b, 57.29578° ± 5.729578°"].violated_before, 0);
+    tally.push(&epoch(10.0, Verdict::Reliable, vec![refused(SkipReason::Contradicted)]));
+    tally.push(&epoch(11.0, Verdict::Reliable, vec![action(distance, 1.0, 0.1, 0)]));
+    let mut unknown = refused(SkipReason::NotFinite);
+    (unknown.before, unknown.after) = (f64::NAN, f64::NAN);
+    tally.push(&epoch(12.0, Verdict::Reliable, vec![unknown]));
+    let constraints = tally.constraints();
+    let counts = |key: &str| {
+        let c = &constraints[key];
+        (c.epochs_in_window, c.acted, c.violated_before, c.violated_after, c.not_applied, c.refused())
+    };
+    assert_eq!(counts("distance b a"), (1, 0, 1, 1, 1, 1));
+    assert_eq!(counts("distance b a #2"), (2, 1, 0, 0, 1, 0));
+    assert_eq!(counts("distance b a #3"), (0, 0, 0, 0, 0, 0));
+    assert_eq!(constraints["distance b a #2"].not_applied_because["not finite"], 1);
+    assert_eq!(constraints["distance b a #3"].window(), "from 2020-08-20T13:46:40.000 GPS");
+    let report = Report { constraints, ..Report::default() };
+    let table = report.constraint_table();
+    let rows: Vec<&str> = table.lines().collect();
+    assert_eq!(rows.len(), 5, "{table}");
+    assert!(rows.iter().all(|row| row.chars().count() == rows[0].chars().count()), "{table}");
+    assert!(table.contains("| distance 0 to 2 m, from 2020-08-20T13:46:40.000 GPS "), "{table}");
+    assert_eq!(Report::default().constraint_table(), "");
+}
+
+#[test]
+fn one_recording_for_two_phones_is_noticed() {
+    let receiver = |phone: &str, offset_m: f64| {
+        let satellites = ["G01", "G02", "G03", "G04", "G05"];
+        let observations =
+            satellites.iter().enumerate().map(|(i, s)| observation(s, 2e7 + 1e3 * i as f64 + offset_m));
+        let mut message = epoch(10.0, Verdict::Reliable, Vec::new()).phones.remove(0).message.unwrap();
+        message.phone = phone.to_owned();
+        message.observations = observations.collect();
+        FusedPhone { message: Some(message), state: None }
+    };
+    for (offset_m, epochs) in [(0.0, 3), (0.004, 3), (0.2, 0)] {
+        let mut tally = Tally::new(&names());
+        for second in 0..3_u32 {
+            let phones = vec![receiver("b", 0.0), receiver("a", offset_m)];
+            let time_gps = GpsTime::from_week_tow(2118, f64::from(second));
+            tally.push(&FusedEpoch { time_gps, phones, actions: Vec::new(), distances: Vec::new() });
+        }
+        let same: Vec<_> =
+            tally.same_observations().into_iter().map(|same| (same.phones, same.epochs)).collect();
+        let expected = (epochs > 0).then(|| (["b".to_owned(), "a".to_owned()], epochs));
+        assert_eq!(same, Vec::from_iter(expected), "{offset_m} m");
+        let phones = tally.phones(|_| Skips::default());
+        assert_eq!((phones["a"].observations, phones["a"].observations_with_rate), (15, 0));
+        assert_eq!(phones["a"].mean_satellites, Some(5.0));
+    }
+}
+
+#[test]
+fn without_a_truth_the_table_tells_what_is_known() {
+    let mut tally = Tally::new(&names());
+    tally.push(&epoch(10.0, Verdict::Reliable, Vec::new()));
+    tally.push(&epoch(11.0, Verdict::Unreliable(Cause::Geometry), Vec::new()));
+    let report = Report {
+        phones: tally.phones(|_| Skips::default()),
+        unscored: names().into_iter().map(|name| (name, "it has no truth".to_owned())).collect(),
+        ..Report::default()
+    };
+    let table = report.table(&names());
+    let lines: Vec<&str> = table.lines().collect();
+    assert!(
+        lines[0].starts_with("| phone | epochs | of group | sats. | σ hor. m | σ up m | reliable"),
+        "{table}"
+    );
+    assert_eq!(
+        lines[2],
+        "| b     |      2 |    1.000 |   0.0 |     5.00 |   2.00 |        1 |          1 |         0 |"
+    );
+    assert_eq!(
+        lines[3],
+        "| a     |      0 |    0.000 |     - |     5.00 |   2.00 |        0 |          0 |         0 |"
+    );
+    assert!(lines[..4].iter().all(|line| line.chars().count() == lines[0].chars().count()), "{table}");
+    assert!(
+        table.ends_with("a is not scored: it has no truth.\nb is not scored: it has no truth."),
+        "{table}"
+    );
 }
 
 #[test]
@@ -76,6 +212,13 @@ fn the_table_follows_the_sessions_order_and_means_what_is_scored() {
     let accuracy = |p50: f64| Accuracy {
         epochs: 10,
         availability: 1.0,
+        availability_in_recording: 1.0,
+        vertical_p50_m: 1.0,
+        vertical_p68_m: 1.0,
+        vertical_p95_m: 1.0,
+        mean_east_m: 0.0,
+        mean_north_m: 0.0,
+        mean_up_m: 0.0,
         horizontal_p50_m: p50,
         horizontal_p68_m: 2.0,
         horizontal_p95_m: 3.0,
@@ -93,11 +236,7 @@ fn the_table_follows_the_sessions_order_and_means_what_is_scored() {
         group: "g".to_owned(),
         methods: Methods { joint: scored, ..Methods::default() },
         unscored: [("c".to_owned(), "it has no truth".to_owned())].into(),
-        epochs: 10,
-        common_epochs: 10,
-        phones: BTreeMap::new(),
-        constraints: BTreeMap::new(),
-        skips: Skips::default(),
+        ..Report::default()
     };
     let table = report.table(&["b".to_owned(), "c".to_owned(), "a".to_owned()]);
     let rows: Vec<&str> = table.lines().filter(|line| line.starts_with("| joint")).collect();

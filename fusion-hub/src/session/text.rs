@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use cofix_agent::masks::{LogOptions, Masks};
 use cofix_common::measurement::Ionosphere;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -113,7 +113,7 @@ pub(super) struct CorrectionTable {
 }
 
 /// Settings of the filter that have a name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// Ours, tuned on real drives.

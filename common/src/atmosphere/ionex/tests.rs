@@ -144,6 +144,6 @@ fn hour_24_is_the_next_day_and_an_unknown_mapping_is_said() {
     let text =
         file().replacen(SECOND, "  2020     8    13    24     0     0", 1).replacen("  COSZ", "  MSLM", 1);
     let file = Ionex::parse(text.as_bytes()).unwrap();
-    assert_eq!(file.maps[1].time().to_string(), "2020-08-14T00:00:18.000");
+    assert_eq!(file.maps[1].time().to_string(), "2020-08-14T00:00:18.000 GPS");
     assert_eq!(file.skips.total(), 1, "{}", file.skips);
 }

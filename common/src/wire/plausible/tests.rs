@@ -74,7 +74,7 @@ fn an_absurd_value_is_named_with_its_limits() {
     let text = bad.validate().unwrap_err().to_string();
     assert_eq!(
         text,
-        "G02 1C at 2020-08-13T14:19:01.999: corrected pseudorange (m) is 3e12, outside 1e6 to 1e9"
+        "G02 1C at 2020-08-13T14:19:01.999 GPS: corrected pseudorange (m) is 3e12, outside 1e6 to 1e9"
     );
 }
 

@@ -1,0 +1,33 @@
+//! Whose signal a line is about.
+
+use super::raw::RawLine;
+use super::signal::{Signal, channel_only, satellite, signal};
+use crate::gnss::{Constellation, SatelliteId};
+use crate::skips::Skips;
+
+/// Satellite and signal of a line; `None` (counted) if it has none that is known. A GLONASS satellite of which the phone knows the
+/// channel only goes by its number there.
+pub(super) fn named((number, line): (u64, &RawLine), skips: &mut Skips) -> Option<(SatelliteId, Signal)> {
+    let (system, svid) = (line.constellation_type, line.svid);
+    let channel = channel_only(system, svid);
+    let satellite = satellite(system, svid).map_err(|reason| {
+        skips.add(reason, || format!("line {number}: ConstellationType {system}, Svid {svid}"));
+    });
+    let by_channel = || Some(SatelliteId::new(Constellation::Glonass, u8::try_from(svid).ok()?));
+    let satellite = satellite.ok().or_else(|| channel.and_then(|_| by_channel()))?;
+    let Some(signal) = signal(satellite.constellation, line.frequency_hz, line.code_type) else {
+        // A line without a slot is counted already.
+        if channel.is_none() {
+            let frequency_hz = line.frequency_hz.unwrap_or(f64::NAN);
+            skips.add("carrier frequency of no signal of the system", || {
+                format!("line {number}: {satellite}, {frequency_hz} Hz")
+            });
+        }
+        return None;
+    };
+    let glonass_channel = signal.glonass_channel.or(channel);
+    if channel.is_some() && glonass_channel != channel {
+        return None;
+    }
+    Some((satellite, Signal { glonass_channel, ..signal }))
+}

@@ -1,0 +1,139 @@
+//! Phones that have less than they should.
+
+use super::{Finding, Several, Severity, percent, ratio};
+use crate::report::{PhoneReport, Report, Verdicts};
+
+/// Of the group's epochs.
+const LEAST_SHARE: f64 = 0.9;
+/// Of the group's epochs, with more than one phone.
+const LEAST_COMMON: f64 = 0.5;
+/// Of a phone's observations.
+const LEAST_RATES: f64 = 0.5;
+/// Of a phone's epochs, without a solution.
+const MOST_UNSOLVED: f64 = 0.05;
+/// Of a phone's epochs, not called reliable.
+const MOST_UNRELIABLE: f64 = 0.25;
+/// Mean number of satellites.
+const FEWEST_SATELLITES: f64 = 7.0;
+
+pub(super) fn look(report: &Report, findings: &mut Vec<Finding>) {
+    findings.extend(report.same_observations.iter().map(|same| Finding {
+        severity: Severity::Wrong,
+        kind: "same-observations",
+        phones: same.phones.to_vec(),
+        text: format!("{} have the same observations ({} epochs)", same.phones.join(" and "), same.epochs),
+        advice:
+            "One recording was named for two phones: it counts twice, and sigmas are too small".to_owned(),
+    }));
+    findings.extend(absent(report));
+    findings.extend(late(report));
+    findings.extend(apart(report));
+    findings.extend(without_solution(report));
+    findings.extend(few_satellites(report));
+    findings.extend(without_rates(report));
+    findings.extend(unreliable(report));
+}
+
+/// One finding on the phones, of those that came, for which `figure` has something to say.
+fn on(report: &Report, finding: Several, figure: impl Fn(&PhoneReport) -> Option<String>) -> Option<Finding> {
+    let came = report.phones.iter().filter(|(_, phone)| phone.epochs > 0);
+    finding.on(came.filter_map(|(name, phone)| Some((vec![name.clone()], figure(phone)?))).collect())
+}
+
+fn absent(report: &Report) -> Option<Finding> {
+    let phones: Vec<String> = report
+        .phones
+        .iter()
+        .filter(|(_, phone)| phone.epochs == phone.empty_epochs)
+        .map(|(name, _)| name.clone())
+        .collect();
+    (!phones.is_empty()).then(|| Finding {
+        severity: Severity::Wrong,
+        kind: "phone-without-epochs",
+        text: format!("no epoch with a usable observation came of {}", phones.join(", ")),
+        phones,
+        advice: "Check that its agent ran, for this group and under this name, and what it says".to_owned(),
+    })
+}
+
+fn late(report: &Report) -> Option<Finding> {
+    let finding = Several {
+        severity: Severity::Worse,
+        kind: "phone-part-of-the-time",
+        text: "phones that were there for a part of the session",
+        advice: "Their scores hold for that part only; availability counts what they missed",
+    };
+    on(report, finding, |phone| {
+        let share = phone.share_of_group.filter(|share| *share < LEAST_SHARE)?;
+        let (first, last) = phone.first_gps.as_ref().zip(phone.last_gps.as_ref())?;
+        Some(format!("{:.0} % of the epochs, {first} to {last} GPS", share * 100.0))
+    })
+}
+
+fn apart(report: &Report) -> Option<Finding> {
+    let share = ratio(report.common_epochs, report.epochs);
+    (report.phones.len() > 1 && share < LEAST_COMMON).then(|| Finding {
+        severity: Severity::Worse,
+        kind: "phones-apart-in-time",
+        phones: Vec::new(),
+        text: format!(
+            "phones were together at {} of the epochs ({} of {})",
+            percent(report.common_epochs, report.epochs),
+            report.common_epochs,
+            report.epochs
+        ),
+        advice: "Fusion helps only then: check that the recordings are of one time and have one rate"
+            .to_owned(),
+    })
+}
+
+fn without_solution(report: &Report) -> Option<Finding> {
+    let finding = Several {
+        severity: Severity::Worse,
+        kind: "epochs-without-solution",
+        text: "epochs without a solution of their own",
+        advice: "Too few satellites: check the masks, and that the products hold them all",
+    };
+    on(report, finding, |phone| {
+        let unsolved = phone.epochs_without_solution;
+        (ratio(unsolved, phone.epochs) > MOST_UNSOLVED).then(|| percent(unsolved, phone.epochs))
+    })
+}
+
+fn few_satellites(report: &Report) -> Option<Finding> {
+    let finding = Several {
+        severity: Severity::Worse,
+        kind: "few-satellites",
+        text: "few satellites in use, on average",
+        advice: "Check the masks, that the products hold all systems, and what the phone records",
+    };
+    on(report, finding, |phone| {
+        phone.mean_satellites.filter(|mean| *mean < FEWEST_SATELLITES).map(|mean| format!("{mean:.1}"))
+    })
+}
+
+fn without_rates(report: &Report) -> Option<Finding> {
+    let finding = Several {
+        severity: Severity::Worse,
+        kind: "no-doppler",
+        text: "observations without Doppler",
+        advice: "Velocities then follow from positions alone, and are metres per second worse",
+    };
+    on(report, finding, |phone| {
+        let without = phone.observations - phone.observations_with_rate.min(phone.observations);
+        (ratio(without, phone.observations) > 1.0 - LEAST_RATES).then(|| percent(without, phone.observations))
+    })
+}
+
+fn unreliable(report: &Report) -> Option<Finding> {
+    let finding = Several {
+        severity: Severity::Worse,
+        kind: "not-reliable",
+        text: "epochs that RAIM does not call reliable",
+        advice: "The report has the verdicts by cause; the recording shows when",
+    };
+    on(report, finding, |phone| {
+        let bad = phone.epochs - Verdicts::of(phone).reliable.min(phone.epochs);
+        (ratio(bad, phone.epochs) > MOST_UNRELIABLE).then(|| percent(bad, phone.epochs))
+    })
+}

@@ -1,0 +1,204 @@
+//! Counts over a session.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use cofix_agent::phone::Quantiles;
+use cofix_common::filter::PhoneState;
+use cofix_common::frames::LocalFrame;
+use cofix_common::gnss::{SatelliteId, SignalCode};
+use cofix_common::measurement::CorrectedObservation;
+use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+use cofix_common::wire::EpochMessage;
+
+use super::constraints::ConstraintTally;
+use super::{ConstraintReport, PhoneReport, SameObservations};
+use crate::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
+
+/// Pseudoranges of two receivers are never the same; those of one recording in two formats are, but for the last digit, m.
+const SAME_PSEUDORANGE_M: f64 = 5e-3;
+/// Common signals of two phones at one epoch from which on their equality tells something.
+const FEWEST_COMMON_SIGNALS: usize = 4;
+
+/// Counts over a session.
+#[derive(Clone, Debug)]
+pub struct Tally {
+    names: Vec<String>,
+    phones: Vec<PhoneTally>,
+    span: Option<(GpsTime, GpsTime)>,
+    same: BTreeMap<(usize, usize), u64>,
+    constraints: ConstraintTally,
+    epochs: u64,
+    common_epochs: u64,
+}
+
+/// Counts of one phone.
+#[derive(Clone, Debug, Default)]
+struct PhoneTally {
+    report: PhoneReport,
+    span: Option<(GpsTime, GpsTime)>,
+    satellites: u64,
+    horizontal_sigma_m: Quantiles,
+    vertical_sigma_m: Quantiles,
+}
+
+impl Tally {
+    /// For phones of these names.
+    pub fn new(names: &[String]) -> Self {
+        Self {
+            names: names.to_vec(),
+            phones: vec![PhoneTally::default(); names.len()],
+            span: None,
+            same: BTreeMap::new(),
+            constraints: ConstraintTally::default(),
+            epochs: 0,
+            common_epochs: 0,
+        }
+    }
+
+    /// Counts what these constraints do from now on; whether they ever act or not.
+    pub fn schedule(&mut self, constraints: &[ScheduledConstraint]) {
+        self.constraints = ConstraintTally::new(constraints, &self.names);
+    }
+
+    /// Counts an epoch.
+    pub fn push(&mut self, epoch: &FusedEpoch) {
+        self.epochs += 1;
+        self.span = Some(extended(self.span, epoch.time_gps));
+        let present = epoch.phones.iter().filter(|phone| phone.message.is_some()).count();
+        self.common_epochs += u64::from(present > 1);
+        for (tally, phone) in self.phones.iter_mut().zip(&epoch.phones) {
+            tally.push(phone);
+        }
+        self.compare(&epoch.phones);
+        self.constraints.push(epoch);
+    }
+
+    fn compare(&mut self, phones: &[FusedPhone]) {
+        let messages = phones.iter().enumerate().filter_map(|(i, phone)| Some((i, phone.message.as_ref()?)));
+        let messages: Vec<(usize, &EpochMessage)> = messages.collect();
+        for (n, (i, a)) in messages.iter().enumerate() {
+            for (j, b) in messages.iter().skip(n + 1) {
+                if are_same(&a.observations, &b.observations) {
+                    *self.same.entry((*i, *j)).or_default() += 1;
+                }
+            }
+        }
+    }
+
+    /// Epochs of the group.
+    pub const fn epochs(&self) -> u64 {
+        self.epochs
+    }
+
+    /// Epochs of the group in which more than one phone took part.
+    pub const fn common_epochs(&self) -> u64 {
+        self.common_epochs
+    }
+
+    /// First and last epoch of the group.
+    pub const fn group_span(&self) -> Option<(GpsTime, GpsTime)> {
+        self.span
+    }
+
+    /// First and last epoch of a phone.
+    pub fn span(&self, phone: usize) -> Option<(GpsTime, GpsTime)> {
+        self.phones.get(phone).and_then(|tally| tally.span)
+    }
+
+    /// Epochs of a phone that had a usable observation.
+    pub fn usable_epochs(&self, phone: usize) -> u64 {
+        self.phones.get(phone).map_or(0, |tally| tally.report.epochs - tally.report.empty_epochs)
+    }
+
+    /// The phones' reports, with what was skipped of each.
+    pub fn phones(&self, skips: impl Fn(usize) -> Skips) -> BTreeMap<String, PhoneReport> {
+        let entry = |(index, (name, tally)): (usize, (&String, &PhoneTally))| {
+            (name.clone(), tally.report(self.epochs, skips(index)))
+        };
+        self.names.iter().zip(&self.phones).enumerate().map(entry).collect()
+    }
+
+    /// Phones whose observations were the same at most epochs that they have in common.
+    pub fn same_observations(&self) -> Vec<SameObservations> {
+        let epochs = |index: usize| self.phones.get(index).map_or(0, |tally| tally.report.epochs);
+        let name = |index: usize| self.names.get(index).cloned().unwrap_or_default();
+        self.same
+            .iter()
+            .filter(|((i, j), same)| 2 * **same > epochs(*i).min(epochs(*j)))
+            .map(|(&(i, j), &epochs)| SameObservations { phones: [name(i), name(j)], epochs })
+            .collect()
+    }
+
+    /// What each constraint did.
+    pub fn constraints(&self) -> BTreeMap<String, ConstraintReport> {
+        self.constraints.reports()
+    }
+}
+
+impl PhoneTally {
+    fn push(&mut self, phone: &FusedPhone) {
+        if let Some((horizontal_m, vertical_m)) = phone.state.as_ref().map(sigmas_m) {
+            self.horizontal_sigma_m.add(horizontal_m);
+            self.vertical_sigma_m.add(vertical_m);
+        }
+        let Some(message) = &phone.message else { return };
+        let report = &mut self.report;
+        report.epochs += 1;
+        report.empty_epochs += u64::from(message.observations.is_empty());
+        report.epochs_without_solution += u64::from(message.wls.is_none());
+        report.observations += message.observations.len() as u64;
+        let with_rate = message.observations.iter().filter(|o| o.range_rate.is_some()).count();
+        report.observations_with_rate += with_rate as u64;
+        *report.verdicts.entry(message.raim.verdict.to_string()).or_default() += 1;
+        self.satellites += satellites_used(message) as u64;
+        self.span = Some(extended(self.span, message.time_gps));
+    }
+
+    fn report(&self, group_epochs: u64, skips: Skips) -> PhoneReport {
+        let counted = self.report.clone();
+        let epochs = counted.epochs;
+        PhoneReport {
+            share_of_group: (group_epochs > 0).then(|| epochs as f64 / group_epochs as f64),
+            first_gps: self.span.map(|(first, _)| first.iso()),
+            last_gps: self.span.map(|(_, last)| last.iso()),
+            mean_satellites: (epochs > 0).then(|| self.satellites as f64 / epochs as f64),
+            horizontal_sigma_m: self.horizontal_sigma_m.typical(),
+            vertical_sigma_m: self.vertical_sigma_m.typical(),
+            skips,
+            ..counted
+        }
+    }
+}
+
+/// Satellites of which a signal is in use.
+pub(crate) fn satellites_used(message: &EpochMessage) -> usize {
+    let used = message.observations.iter().filter(|o| o.usage == cofix_common::measurement::Usage::Used);
+    used.map(|o| o.satellite).collect::<BTreeSet<SatelliteId>>().len()
+}
+
+/// Standard deviations of the position, m: horizontal (the root of both variances' sum) and vertical.
+fn sigmas_m(state: &PhoneState) -> (f64, f64) {
+    let covariance = state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    let enu = LocalFrame::at(state.position()).covariance_ecef_to_enu(&covariance);
+    ((enu.m11 + enu.m22).max(0.0).sqrt(), enu.m33.max(0.0).sqrt())
+}
+
+/// Whether two phones' common signals have one pseudorange each.
+fn are_same(a: &[CorrectedObservation], b: &[CorrectedObservation]) -> bool {
+    let key = |o: &CorrectedObservation| -> (SatelliteId, SignalCode) { (o.satellite, o.signal) };
+    let mut common = 0;
+    for one in a {
+        let Some(other) = b.iter().find(|other| key(other) == key(one)) else { continue };
+        if (one.pseudorange_m - other.pseudorange_m).abs() > SAME_PSEUDORANGE_M {
+            return false;
+        }
+        common += 1;
+    }
+    common >= FEWEST_COMMON_SIGNALS
+}
+
+fn extended(span: Option<(GpsTime, GpsTime)>, time: GpsTime) -> (GpsTime, GpsTime) {
+    let (first, last) = span.unwrap_or((time, time));
+    (first.min(time), last.max(time))
+}
