@@ -10,13 +10,13 @@ use arguments::{OutputArguments, conclude};
 use clap::{Parser, Subcommand};
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
-use cofix_common::simulation::Scenario;
 use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
 use cofix_hub::align::AlignOptions;
 use cofix_hub::files::{inputs, live_inputs};
 use cofix_hub::live::{self, LiveOptions};
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_hub::session::Session;
+use cofix_hub::simulate::{self, simulate};
 
 /// Where the demonstration is recorded.
 const DEMO_RECORDING: &str = "cofix-demo.rrd";
@@ -65,11 +65,14 @@ enum Command {
         #[command(flatten)]
         outputs: OutputArguments,
     },
-    /// A simulated convoy of three phones, without any input; it is recorded to cofix-demo.rrd unless told otherwise
+    /// Six simulated phones in two cars in and around an urban canyon, without any input; recorded to cofix-demo.rrd
+    /// unless told otherwise
     Demo {
         #[command(flatten)]
         outputs: OutputArguments,
     },
+    /// Write a simulated scenario as files: observations, navigation messages, truth, and a session to replay
+    Simulate(simulate::Arguments),
 }
 
 /// Seconds between a tenth and an hour.
@@ -85,7 +88,7 @@ fn main() -> ExitCode {
     // A live hub tells who comes and goes; elsewhere only what is wrong is said.
     let (usual, lines) = match arguments.command {
         Command::Run { .. } => (LevelFilter::INFO, Lines::Timed),
-        Command::Replay { .. } | Command::Demo { .. } => (LevelFilter::WARN, Lines::Plain),
+        Command::Replay { .. } | Command::Demo { .. } | Command::Simulate(_) => (LevelFilter::WARN, Lines::Plain),
     };
     start_log(arguments.verbosity, usual, lines);
     cofix_console::conclude(run_until_asked_to_end(move |stop| execute(arguments.command, stop)))
@@ -112,8 +115,12 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
         Command::Demo { mut outputs } => {
             outputs.recording.get_or_insert_with(|| DEMO_RECORDING.into());
             let report = outputs.prepare(&[], Vec::new(), Path::new(""))?;
-            let plan = cofix_hub::demo::plan(Scenario::default())?;
+            let plan = cofix_hub::demo::plan(cofix_hub::demo::scenario())?;
             conclude(replay(&plan, &replay_options(outputs, Speed::Maximum), stop)?, report)
+        }
+        Command::Simulate(arguments) => {
+            let session = simulate(&arguments, stop)?;
+            cofix_console::print(&format!("Session: {}\n", session.display()))
         }
     }
 }

@@ -55,7 +55,7 @@ pub enum TruthError {
 /// stays below it.
 const VELOCITY_TOLERANCE_MPS: f64 = 3.0;
 
-const COLUMNS: [&str; 9] = [
+pub(super) const COLUMNS: [&str; 9] = [
     "gps_week",
     "gps_tow_s",
     "latitude_deg",
