@@ -83,10 +83,13 @@ pub fn start_log(verbosity: Verbosity, usual: LevelFilter, lines: Lines) {
 }
 
 /// What writes the log in place of the standard error.
-static WRITE: OnceLock<fn(&[u8]) -> io::Result<usize>> = OnceLock::new();
+static WRITE: OnceLock<Writing> = OnceLock::new();
+
+/// Writes some of the bytes, and says how many.
+pub type Writing = fn(&[u8]) -> io::Result<usize>;
 
 /// Lets the log go through `write`, for one who draws on the terminal; the first call counts.
-pub fn write_log_through(write: fn(&[u8]) -> io::Result<usize>) {
+pub fn write_log_through(write: Writing) {
     WRITE.get_or_init(|| write);
 }
 
