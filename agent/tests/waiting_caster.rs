@@ -28,7 +28,7 @@ fn waiting_caster(body: Vec<u8>) -> (LiveSource, limits::Running<String>) {
     let mount = format!("ntrip://{}/VRS", listener.local_addr().unwrap());
     let thread = limits::spawn(move || {
         let (mut connection, _) = listener.accept().unwrap();
-        connection.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        connection.set_read_timeout(Some(Duration::from_mins(1))).unwrap();
         read_head(&mut connection);
         connection.write_all(&head("ICY 200 OK")).unwrap();
         let sentence = read_line(&mut connection);
