@@ -69,10 +69,10 @@ impl Outputs {
         Ok(())
     }
 
-    /// Writes the recording every `age` or so, not only when there is much.
+    /// Records a live session: the recording is written every `age` or so, not only when there is much, and left when it is not whole.
     pub fn write_recording_after(&mut self, age: Duration) {
         if let Some(file) = &mut self.recorder {
-            file.recorder().write_after(age);
+            file.keep_live(age);
         }
     }
 
@@ -92,7 +92,7 @@ impl Outputs {
         if let Err(error) = work(file.recorder())
             && let Some(file) = self.recorder.take()
         {
-            self.fail(file.keep(&error));
+            self.fail(file.give_up(&error));
         }
     }
 
@@ -206,7 +206,7 @@ impl Outputs {
         self.progress.finish_and_clear();
         self.finish_positions();
         if let Some(file) = self.recorder.take() {
-            self.fail(file.keep(why));
+            self.fail(file.give_up(why));
         }
     }
 }

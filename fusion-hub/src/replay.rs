@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
-use cofix_agent::masks::MaskError;
+use cofix_agent::masks::{LogOptions, MaskError};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::source::{self, Reading};
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
@@ -16,7 +16,7 @@ use cofix_common::measurement::Exclusion;
 use cofix_common::rinex::decompress;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
-use cofix_common::{gsdc, whu};
+use cofix_common::{gnsslogger, gsdc, whu};
 use zenoh::qos::CongestionControl;
 
 use crate::align::{AlignOptions, Aligner};
@@ -63,6 +63,8 @@ pub struct PlannedPhone {
     pub truth: Option<Truth>,
     /// Whether its recording's own satellite states and delays are taken, where it has them.
     pub recorded_corrections: bool,
+    /// Weeks to add to its times, in place of those of the session.
+    pub shift_weeks: Option<i64>,
     /// What is not used of it, beside what the settings exclude for all phones.
     pub exclude: Vec<Exclusion>,
 }
@@ -129,6 +131,15 @@ impl Plan {
         options.correction.exclude.extend(&phone.exclude);
         Ok(options)
     }
+
+    /// How a phone's log is read.
+    ///
+    /// # Errors
+    /// A mask that makes no sense.
+    fn log(&self, phone: &PlannedPhone) -> Result<gnsslogger::Options, MaskError> {
+        let Settings { log, masks, .. } = &self.settings;
+        LogOptions { shift_weeks: phone.shift_weeks.or(log.shift_weeks), ..log.clone() }.with(masks)
+    }
 }
 
 fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<PlannedPhone> {
@@ -147,6 +158,7 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
         source,
         truth,
         recorded_corrections: phone.recorded_corrections,
+        shift_weeks: phone.shift_weeks,
         exclude: phone.exclude.clone(),
     })
 }
@@ -213,7 +225,9 @@ fn recorded_near(phone: &SessionPhone) -> anyhow::Result<GpsTime> {
         .as_deref()
         .ok_or_else(|| anyhow!("no observations tell it"))
         .with_context(advice)?;
-    let mut records = source::open_file(path, &Reading::default()).with_context(advice)?;
+    let log =
+        gnsslogger::Options { shift_weeks: phone.shift_weeks.unwrap_or(0), ..gnsslogger::Options::default() };
+    let mut records = source::open_file(path, &Reading { near: None, log }).with_context(advice)?;
     loop {
         let record = records
             .next(&Stop::default())
@@ -260,7 +274,7 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
             connect: connect.clone(),
             speed: options.speed,
             corrections: plan.settings.corrections.clone(),
-            log: plan.settings.log.with(&plan.settings.masks)?,
+            log: plan.log(phone)?,
             pipeline: plan.pipeline(phone)?,
             ..AgentConfig::new(&plan.group, &phone.name, phone.source.clone())
         };
@@ -396,6 +410,7 @@ mod tests {
                 observations: observations.cloned(),
                 truth: Some(truth.clone()),
                 recorded_corrections: false,
+                shift_weeks: None,
                 date,
                 exclude: Vec::new(),
             };
@@ -439,6 +454,7 @@ mod tests {
             observations: None,
             truth: Some(path.clone()),
             recorded_corrections: false,
+            shift_weeks: None,
             date: None,
             exclude: Vec::new(),
         };
