@@ -225,7 +225,9 @@ fn recorded_near(phone: &SessionPhone) -> anyhow::Result<GpsTime> {
         .as_deref()
         .ok_or_else(|| anyhow!("no observations tell it"))
         .with_context(advice)?;
-    let mut records = source::open_file(path, &Reading::default()).with_context(advice)?;
+    let log =
+        gnsslogger::Options { shift_weeks: phone.shift_weeks.unwrap_or(0), ..gnsslogger::Options::default() };
+    let mut records = source::open_file(path, &Reading { near: None, log }).with_context(advice)?;
     loop {
         let record = records
             .next(&Stop::default())
@@ -408,6 +410,7 @@ mod tests {
                 observations: observations.cloned(),
                 truth: Some(truth.clone()),
                 recorded_corrections: false,
+                shift_weeks: None,
                 date,
                 exclude: Vec::new(),
             };

@@ -60,8 +60,7 @@ impl SpareLogDecoder {
 impl Log {
     fn line(&mut self, line: &[u8], records: &mut VecDeque<Record>) {
         self.number += 1;
-        let line = if self.number == 1 { line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line) } else { line };
-        let line = line.trim_ascii();
+        let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line).trim_ascii();
         if line.is_empty() {
             return;
         }
