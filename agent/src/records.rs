@@ -7,6 +7,7 @@ use cofix_common::time::GpsTime;
 
 use crate::Stop;
 use crate::dating::Dated;
+use crate::format::Format;
 use crate::input::{Bytes, Portion};
 use crate::stream::StreamDecoder;
 

@@ -7,14 +7,8 @@ use std::process::Command;
 /// Digits of a commit that are shown.
 const SHOWN: usize = 12;
 /// Sources of the programs, seen from here: with one of them changed, a build is not of the commit alone.
-const SOURCES: [&str; 6] = [
-    "../../Cargo.lock",
-    "../src",
-    "../../agent/src",
-    "src",
-    "../../fusion-hub/src",
-    "../../viewer/src",
-];
+const SOURCES: [&str; 6] =
+    ["../../Cargo.lock", "../src", "../../agent/src", "src", "../../fusion-hub/src", "../../viewer/src"];
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

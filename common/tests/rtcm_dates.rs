@@ -12,6 +12,9 @@ use rtcm_support::dates::{
     read, read_recording,
 };
 
+/// When a message is sent, and the message.
+type Sent = (GpsTime, Vec<u8>);
+
 /// A Thursday, and not next to the end of a week or day.
 const NOON: &str = "2020-06-25T12:00:00";
 /// The last seconds of a week.
@@ -41,7 +44,7 @@ fn streams_of_ephemerides_keep_their_week() {
     };
     let of_beidou = |time: GpsTime| (time + 14.0, others(time)[0].clone());
     let of_galileo = |time: GpsTime| (time, others(time)[3].clone());
-    let streams: [(&str, Vec<(GpsTime, Vec<u8>)>); 6] = [
+    let streams: [(&str, Vec<Sent>); 6] = [
         ("GPS", hours(2.0, 252).map(of_gps).collect()),
         ("GLONASS", hours(0.5, 1_008).map(of_glonass(0)).collect()),
         ("GLONASS with the year", hours(0.5, 1_008).map(of_glonass(7)).collect()),

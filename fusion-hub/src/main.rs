@@ -88,7 +88,9 @@ fn main() -> ExitCode {
     // A live hub tells who comes and goes; elsewhere only what is wrong is said.
     let (usual, lines) = match arguments.command {
         Command::Run { .. } => (LevelFilter::INFO, Lines::Timed),
-        Command::Replay { .. } | Command::Demo { .. } | Command::Simulate(_) => (LevelFilter::WARN, Lines::Plain),
+        Command::Replay { .. } | Command::Demo { .. } | Command::Simulate(_) => {
+            (LevelFilter::WARN, Lines::Plain)
+        }
     };
     start_log(arguments.verbosity, usual, lines);
     cofix_console::conclude(run_until_asked_to_end(move |stop| execute(arguments.command, stop)))

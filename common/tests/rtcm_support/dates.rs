@@ -84,40 +84,39 @@ pub fn others(toe: GpsTime) -> [Vec<u8>; 4] {
     let (sqrt_a_sqrt_m, toe_s) = (g.sqrt_a_sqrt_m, toe.tow_s() as f32);
     let galileo_week = week(toe, 1_024, 4_096);
     [
-        Message::Msg1042(Msg1042T {
+        frame(&Message::Msg1042(Msg1042T {
             bds_satellite_id: 21,
             bds_week_number: week(toe, 1_356, 8_192),
             toc_s: toe_s,
             toe_s,
             sqrt_a_sqrt_m,
             ..Msg1042T::default()
-        }),
-        Message::Msg1044(Msg1044T {
+        })),
+        frame(&Message::Msg1044(Msg1044T {
             qzss_satellite_id: 2,
             qzss_week_number: week(toe, 0, 1_024),
             toc_s: toe_s,
             toe_s,
             sqrt_a_sqrt_m,
             ..Msg1044T::default()
-        }),
-        Message::Msg1045(Msg1045T {
+        })),
+        frame(&Message::Msg1045(Msg1045T {
             gal_satellite_id: 11,
             gal_week_number: galileo_week,
             toc_s: toe_s,
             toe_s,
             sqrt_a_sqrt_m,
             ..Msg1045T::default()
-        }),
-        Message::Msg1046(Msg1046T {
+        })),
+        frame(&Message::Msg1046(Msg1046T {
             gal_satellite_id: 12,
             gal_week_number: galileo_week,
             toc_s: toe_s,
             toe_s,
             sqrt_a_sqrt_m,
             ..Msg1046T::default()
-        }),
+        })),
     ]
-    .map(|message| frame(&message))
 }
 
 /// A GLONASS ephemeris for a quarter of an hour, sent on a day whose number it carries, and with that of the four years from 1996.

@@ -6,7 +6,7 @@ use std::io;
 use cofix_common::accuracy::{TruthPoint, truth_csv_header, truth_csv_row};
 use cofix_common::constraint::Constraint;
 use cofix_common::rinex::{
-    ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record,
+    Equipment, ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record,
 };
 use cofix_common::simulation::Simulation;
 
@@ -54,7 +54,7 @@ impl Sample<'_> {
         let navigation = self.simulation.navigation();
         put(&writer.header(&RecordingInfo {
             marker_name: self.name(phone).to_owned(),
-            receiver_type: "simulated phone".to_owned(),
+            equipment: Equipment { receiver_type: "simulated phone".to_owned(), ..Equipment::default() },
             // As a phone's first fix: near, and not the truth.
             approximate_position: Some(scenario.origin.geodetic_to_ecef()),
             interval_s: Some(scenario.interval_s),
