@@ -83,10 +83,13 @@ pub fn start_log(verbosity: Verbosity, usual: LevelFilter, lines: Lines) {
 }
 
 /// What writes the log in place of the standard error.
-static WRITE: OnceLock<fn(&[u8]) -> io::Result<usize>> = OnceLock::new();
+static WRITE: OnceLock<WriteLog> = OnceLock::new();
+
+/// Writes a part of the log; returns how many bytes it took.
+pub type WriteLog = fn(&[u8]) -> io::Result<usize>;
 
 /// Lets the log go through `write`, for one who draws on the terminal; the first call counts.
-pub fn write_log_through(write: fn(&[u8]) -> io::Result<usize>) {
+pub fn write_log_through(write: WriteLog) {
     WRITE.get_or_init(|| write);
 }
 
