@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use cofix_common::text::content;
 use serde::Serialize;
 
 use crate::kinds;
@@ -48,7 +49,7 @@ const LABEL: std::ops::Range<usize> = 60..80;
 ///
 /// RINEX files of other kinds count as [`Format::Rinex`]: its decoder says what they are.
 pub fn recognise_text(start: &[u8], ended: bool) -> Option<Format> {
-    let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
+    let start = content(start);
     let complete = start.iter().rposition(|byte| *byte == b'\n');
     let lines = if ended { start } else { start.get(..complete?)? };
     let mut lines = lines.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii_end);
@@ -62,7 +63,7 @@ pub fn recognise_text(start: &[u8], ended: bool) -> Option<Format> {
 
 fn rinex(first: &[u8]) -> Option<Format> {
     let label = first.get(LABEL.start..LABEL.end.min(first.len()))?.trim_ascii();
-    match label {
+    match label.to_ascii_uppercase().as_slice() {
         b"RINEX VERSION / TYPE" => Some(Format::Rinex),
         label if label.starts_with(b"CRINEX VERS") => Some(Format::CompactRinex),
         _ => None,
@@ -122,6 +123,8 @@ mod tests {
     fn text_formats_are_known_by_their_lines() {
         let rinex = format!("{:<20}{:<20}{:<20}RINEX VERSION / TYPE\n", "     3.04", "OBSERVATION DATA", "M");
         let compact = format!("{:<20}{:<40}CRINEX VERS   / TYPE\n", "3.0", "COMPACT RINEX FORMAT");
+        let (marked, after_blank_lines) = (format!("\u{feff}{rinex}"), format!("\r\n  \n{compact}"));
+        let lower_case = rinex.to_lowercase();
         for (start, format) in [
             (rinex.as_str(), Format::Rinex),
             (compact.as_str(), Format::CompactRinex),
@@ -129,6 +132,10 @@ mod tests {
             ("# \r\n\r\n#Raw,ElapsedRealtimeMillis\r\n", Format::GnssLogger),
             ("Raw,1,2,3\n", Format::GnssLogger),
             ("\u{feff}Fix,gps,37.4\n", Format::GnssLogger),
+            (&marked, Format::Rinex),
+            (&after_blank_lines, Format::CompactRinex),
+            (&lower_case, Format::Rinex),
+            ("\r\n\u{feff}phoneName, millisSinceGpsEpoch,svid\n", Format::ChallengeTable),
             ("phoneName, millisSinceGpsEpoch,svid\n", Format::ChallengeTable),
             ("MessageType,ArrivalTimeNanosSinceGpsEpoch\n", Format::ChallengeTable),
         ] {
@@ -143,7 +150,7 @@ mod tests {
 
     #[test]
     fn a_log_is_searched_for_a_hundred_lines() {
-        let log = |before: usize| format!("{}Raw,1\n", "\n".repeat(before));
+        let log = |before: usize| format!("{}Raw,1\n", "x\n".repeat(before));
         assert_eq!(recognise_text(log(99).as_bytes(), false), Some(Format::GnssLogger));
         assert_eq!(recognise_text(log(100).as_bytes(), false), None);
     }

@@ -74,7 +74,7 @@ impl Records {
         loop {
             while let Some(record) = self.decoder.next_record() {
                 if self.is_in_order(&record) {
-                    return Ok(Some(record));
+                    return Ok(Some(self.without_impossible_signals(record)));
                 }
             }
             if self.ended {
@@ -142,6 +142,24 @@ impl Records {
         }
         self.last = Some(epoch.time_gps);
         true
+    }
+
+    /// Leaves out observations of signals that their satellites cannot send. Of RINEX the decoder has done it, which knows the lines.
+    fn without_impossible_signals(&mut self, mut record: Record) -> Record {
+        let is_rinex = matches!(self.decoder.format(), Some(Format::Rinex | Format::CompactRinex));
+        if let (Record::Epoch(epoch), false) = (&mut record, is_rinex) {
+            let time_gps = epoch.time_gps;
+            epoch.observations.retain(|observation| {
+                let reason = observation.satellite.cannot_send(observation.signal);
+                if let Some(reason) = reason {
+                    self.skips.add(reason, || {
+                        format!("{} {} at {time_gps}", observation.satellite, observation.signal)
+                    });
+                }
+                reason.is_none()
+            });
+        }
+        record
     }
 
     /// The decoder, for what it knows of the stream.

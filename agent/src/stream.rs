@@ -4,10 +4,12 @@ use std::collections::BTreeMap;
 
 use cofix_common::decode::{Decoder, Record, WrongStream};
 use cofix_common::frames::Ecef;
-use cofix_common::gnsslogger::{self, GnssLoggerDecoder};
+use cofix_common::gnsslogger::{self, Fix, GnssLoggerDecoder};
 use cofix_common::gsdc::DerivedDecoder;
 use cofix_common::measurement::RecordedEpoch;
-use cofix_common::rinex::{IonosphereTerms, ObservationDecoder, ObservationHeader, leap_seconds_at};
+use cofix_common::rinex::{
+    Equipment, IonosphereTerms, ObservationDecoder, ObservationHeader, leap_seconds_at,
+};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
 use cofix_common::time::{GpsTime, SECONDS_PER_WEEK};
@@ -151,6 +153,33 @@ impl StreamDecoder {
         match &self.kind {
             Kind::Rtcm3(decoder) => decoder.station().map(|station| station.position),
             _ => self.header().and_then(|header| header.approximate_position),
+        }
+    }
+
+    /// Where the recording was made, roughly: [`Self::station`], or the first own position of the phone.
+    pub fn approximate_position(&self) -> Option<Ecef> {
+        match &self.kind {
+            Kind::GnssLogger(decoder) => decoder.own_fix().map(Fix::position),
+            _ => self.station(),
+        }
+    }
+
+    /// What the recording was made with, as far as the stream tells: headers of RINEX and GnssLogger text, RTCM messages 1007, 1008
+    /// and 1033.
+    pub fn equipment(&self) -> Equipment {
+        match &self.kind {
+            Kind::Rinex(_, decoder) => {
+                decoder.first_header().map(|header| header.equipment.clone()).unwrap_or_default()
+            }
+            Kind::Rtcm3(decoder) => decoder.equipment().clone(),
+            Kind::GnssLogger(decoder) => {
+                decoder.device().map_or_else(Equipment::default, |device| Equipment {
+                    receiver_type: device.name(),
+                    receiver_version: device.software(),
+                    ..Equipment::default()
+                })
+            }
+            _ => Equipment::default(),
         }
     }
 

@@ -27,6 +27,8 @@ pub mod simulation;
 pub mod skips;
 pub mod solve;
 pub mod statistics;
+pub mod text;
 pub mod time;
 mod time_order;
+mod time_system;
 pub mod wire;

@@ -48,6 +48,7 @@ fn phone(simulation: &Simulation, index: usize, name: &str) -> PlannedPhone {
         source: Source::Epochs(Arc::new(epochs)),
         truth: Some(Truth::from_points(rows, QUALITY)),
         recorded_corrections: false,
+        shift_weeks: None,
         exclude: Vec::new(),
     }
 }

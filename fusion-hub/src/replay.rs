@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
-use cofix_agent::masks::MaskError;
+use cofix_agent::masks::{LogOptions, MaskError};
 use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, source};
 use cofix_common::accuracy::Truth;
-use cofix_common::gsdc;
 use cofix_common::measurement::Exclusion;
 use cofix_common::skips::Skips;
+use cofix_common::{gnsslogger, gsdc};
 use zenoh::qos::CongestionControl;
 
 use crate::align::{AlignOptions, Aligner};
@@ -59,6 +59,8 @@ pub struct PlannedPhone {
     pub truth: Option<Truth>,
     /// Whether its recording's own satellite states and delays are taken, where it has them.
     pub recorded_corrections: bool,
+    /// Weeks to add to its times, in place of those of the session.
+    pub shift_weeks: Option<i64>,
     /// What is not used of it, beside what the settings exclude for all phones.
     pub exclude: Vec<Exclusion>,
 }
@@ -125,6 +127,15 @@ impl Plan {
         options.correction.exclude.extend(&phone.exclude);
         Ok(options)
     }
+
+    /// How a phone's log is read.
+    ///
+    /// # Errors
+    /// A mask that makes no sense.
+    fn log(&self, phone: &PlannedPhone) -> Result<gnsslogger::Options, MaskError> {
+        let Settings { log, masks, .. } = &self.settings;
+        LogOptions { shift_weeks: phone.shift_weeks.or(log.shift_weeks), ..log.clone() }.with(masks)
+    }
 }
 
 fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<PlannedPhone> {
@@ -143,6 +154,7 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
         source,
         truth,
         recorded_corrections: phone.recorded_corrections,
+        shift_weeks: phone.shift_weeks,
         exclude: phone.exclude.clone(),
     })
 }
@@ -222,7 +234,7 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
             connect: connect.clone(),
             speed: options.speed,
             corrections: plan.settings.corrections.clone(),
-            log: plan.settings.log.with(&plan.settings.masks)?,
+            log: plan.log(phone)?,
             pipeline: plan.pipeline(phone)?,
             ..AgentConfig::new(&plan.group, &phone.name, phone.source.clone())
         };
@@ -363,6 +375,7 @@ mod tests {
             observations: None,
             truth: Some(path.clone()),
             recorded_corrections: false,
+            shift_weeks: None,
             date: None,
             exclude: Vec::new(),
         };

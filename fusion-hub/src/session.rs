@@ -16,6 +16,7 @@
 //! exclude = ["E12"]                 # optional: not used of this phone, beside what [masks] excludes for all
 //! recorded_corrections = false        # true: the satellite states and delays of its own recording (challenge tables) in
 //!                                     # place of the products', which need not be named then
+//! shift_weeks = 1024                  # optional: weeks to add to its times, where its week was not rolled over; before [log]'s
 //! [[constraint]]
 //! kind = "distance"                   # every pair of the named phones
 //! phones = ["HP30"]                   # default: all; every constraint has it
@@ -51,6 +52,7 @@
 //! keep_untimed = false                # use times of transmission that no state bit vouches for
 //! keep_invalid_phase = false
 //! bias_reference = "each-epoch"       # or "first-epoch"
+//! shift_weeks = 0                     # weeks to add to the times of all phones, of RINEX and tables too
 //! ```
 //!
 //! Paths are relative to the file. Unknown keys are errors.
@@ -146,6 +148,8 @@ pub struct SessionPhone {
     pub truth: Option<PathBuf>,
     /// Whether its recording's own satellite states and delays are taken, where it has them.
     pub recorded_corrections: bool,
+    /// Weeks to add to its times, in place of those of the session.
+    pub shift_weeks: Option<i64>,
     /// An instant within three days of the recording's beginning.
     pub date: Option<GpsTime>,
     /// What is not used of it, beside what the masks exclude for all phones.
@@ -244,6 +248,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
             observations: phone.observations.map(at),
             truth: phone.truth.map(at),
             recorded_corrections: phone.recorded_corrections,
+            shift_weeks: phone.shift_weeks,
             exclude: phone.exclude,
         })
     };

@@ -161,6 +161,12 @@ pub fn rtcm(count: i64) -> Recording {
 
 /// An MSM4 message with one signal of each satellite (RTCM 10403.3, tables 3.5-78 to 3.5-81), `rough_ms` away.
 pub fn msm4(number: u64, epoch_time: u64, satellites: &[u8], rough_ms: u64) -> Vec<u8> {
+    // Signal 2 is C/A of GPS and GLONASS.
+    msm4_of((number, 2), epoch_time, satellites, rough_ms)
+}
+
+/// The same of another signal, 1 to 32.
+pub fn msm4_of((number, signal): (u64, u32), epoch_time: u64, satellites: &[u8], rough_ms: u64) -> Vec<u8> {
     let mut bits: Vec<bool> = Vec::new();
     let mut put = |value: u64, count: u32| bits.extend((0..count).rev().map(|place| value >> place & 1 == 1));
     put(number, 12);
@@ -168,7 +174,7 @@ pub fn msm4(number: u64, epoch_time: u64, satellites: &[u8], rough_ms: u64) -> V
     put(epoch_time, 30);
     put(0, 1 + 3 + 7 + 2 + 2 + 1 + 3);
     put(satellites.iter().map(|satellite| 1 << (64 - satellite)).sum(), 64);
-    put(1 << 30, 32); // signal 2: C/A
+    put(1 << (32 - signal), 32);
     put((1 << satellites.len()) - 1, u32::try_from(satellites.len()).unwrap());
     for (value, count) in [(rough_ms, 8), (512, 10), (100, 15), (200, 22), (9, 4), (0, 1), (45, 6)] {
         for _ in satellites {

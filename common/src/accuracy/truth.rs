@@ -4,6 +4,7 @@ use serde::Deserialize;
 
 use crate::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use crate::skips::Skips;
+use crate::text::content;
 use crate::time::GpsTime;
 
 /// A reference trajectory in order of time.
@@ -116,7 +117,8 @@ impl Truth {
     /// # Errors
     /// [`TruthError`] when a column is missing or no row is usable.
     pub fn parse_csv(bytes: &[u8]) -> Result<(Self, Skips), TruthError> {
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(bytes);
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(content(bytes));
         let header = reader.byte_headers().cloned().unwrap_or_default();
         if let Some(column) = COLUMNS.into_iter().find(|c| !header.iter().any(|h| h == c.as_bytes())) {
             return Err(TruthError::Column { column, expected: COLUMNS.join(", ") });

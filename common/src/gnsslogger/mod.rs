@@ -11,6 +11,7 @@ mod beyond;
 mod clock;
 mod columns;
 mod decoder;
+mod device;
 mod epochs;
 mod fields;
 mod fix;
@@ -30,6 +31,7 @@ mod status;
 mod table;
 
 pub use decoder::GnssLoggerDecoder;
+pub use device::Device;
 pub use fix::{Fix, FixProvider};
 pub use options::{BiasReference, KnownTime, Masks, ModularTime, Options, StateRule, StateRules, state};
 pub(crate) use signal::{channel_only, satellite as android_satellite};

@@ -19,6 +19,7 @@
 
 mod bits;
 mod clock;
+mod descriptors;
 mod ephemeris;
 mod epoch;
 mod frame;
@@ -38,6 +39,7 @@ use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::decode::{Decoder, Record, WrongStream};
 use crate::gnss::{Constellation, LossOfLock, Observation, ObservationEpoch, SatelliteId};
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
+use crate::rinex::Equipment;
 use crate::skips::Skips;
 use crate::time::GpsTime;
 use crate::time_order::TimeOrder;
@@ -88,6 +90,7 @@ pub struct RtcmDecoder {
     /// Whether an observation message has told the time.
     told_time: bool,
     station: Option<Station>,
+    equipment: Equipment,
     records: VecDeque<Record>,
     skips: Skips,
 }
@@ -109,6 +112,7 @@ impl RtcmDecoder {
             glonass_ephemerides: BTreeMap::new(),
             told_time: false,
             station: None,
+            equipment: Equipment::default(),
             records: VecDeque::new(),
             skips: Skips::default(),
         }
@@ -127,6 +131,11 @@ impl RtcmDecoder {
     /// The station that the stream's observations are from, by the last message 1005 or 1006.
     pub const fn station(&self) -> Option<Station> {
         self.station
+    }
+
+    /// Receiver and antenna of the station, as far as messages 1007, 1008 and 1033 tell.
+    pub const fn equipment(&self) -> &Equipment {
+        &self.equipment
     }
 
     fn drain(&mut self, ended: bool) {
@@ -163,6 +172,7 @@ impl RtcmDecoder {
             (None, 1019 | 1042 | 1044..=1046) => self.ephemeris(bytes, number),
             (None, 1020) => self.glonass_ephemeris(bytes),
             (None, 1005 | 1006) => self.station_position(bytes, number),
+            (None, 1007 | 1008 | 1033) => self.station_equipment(bytes, number),
             _ => {
                 self.skips.add(&format!("message {number} is not read"), || format!("{} bytes", bytes.len()));
             }
@@ -216,6 +226,13 @@ impl RtcmDecoder {
         self.clock.near = time;
         self.told_time = true;
         Some(time)
+    }
+
+    fn station_equipment(&mut self, bytes: &[u8], number: u32) {
+        match descriptors::decode(bytes, number) {
+            Ok(equipment) => self.equipment.fill(&equipment),
+            Err(_) => self.too_short(bytes, number),
+        }
     }
 
     fn too_short(&mut self, bytes: &[u8], number: u32) {
