@@ -83,13 +83,13 @@ pub fn start_log(verbosity: Verbosity, usual: LevelFilter, lines: Lines) {
 }
 
 /// What writes the log in place of the standard error.
-static WRITE: OnceLock<Writing> = OnceLock::new();
+static WRITE: OnceLock<WriteLog> = OnceLock::new();
 
-/// Writes some of the bytes, and says how many.
-pub type Writing = fn(&[u8]) -> io::Result<usize>;
+/// Writes a part of the log; returns how many bytes it took.
+pub type WriteLog = fn(&[u8]) -> io::Result<usize>;
 
 /// Lets the log go through `write`, for one who draws on the terminal; the first call counts.
-pub fn write_log_through(write: Writing) {
+pub fn write_log_through(write: WriteLog) {
     WRITE.get_or_init(|| write);
 }
 
