@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
-use cofix_agent::corrections::{CorrectionSourceError, base_position};
+use cofix_agent::corrections::{CorrectionSourceError, approximate_position, base_position};
 use cofix_agent::input::{LiveSource, Trust};
 use cofix_agent::masks::{LogOptions, Masks};
 use cofix_agent::pipeline::PipelineOptions;
@@ -147,6 +147,10 @@ pub(crate) struct Publish {
     /// The base station's antenna, ECEF in metres and in the frame of the orbits (WGS-84, ITRF), in place of what its stream states
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = base_position, requires = "corrections")]
     base_position: Option<Ecef>,
+    /// About where the phone is, in degrees and metres above the ellipsoid, for casters that send nothing before they know it (virtual reference
+    /// stations); else the recording's header, --base-position or the first position computed tells
+    #[arg(long, value_name = "LAT,LON,HEIGHT", allow_hyphen_values = true, value_parser = approximate_position)]
+    approximate_position: Option<Ecef>,
     /// Corrections older than this are not used, seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=3_600))]
     corrections_age: u64,
@@ -192,6 +196,7 @@ impl Publish {
                     ..DifferentialOptions::default()
                 },
             },
+            approximate_position: self.approximate_position,
             connect: self.connect,
             speed: self.speed,
             log: log.with(masks)?,

@@ -5,6 +5,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
 
+use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::gnsslogger;
 use cofix_common::orbit::Products;
@@ -27,6 +28,9 @@ pub struct AgentConfig {
     pub products: ProductSource,
     /// Corrections from elsewhere, if any.
     pub corrections: Corrections,
+    /// About where the phone is, for casters that send nothing before they know it. Without it the recording's header, the base's position and the
+    /// phone's own solutions tell.
+    pub approximate_position: Option<Ecef>,
     /// Zenoh endpoints of the hub (or a router), such as `tcp/127.0.0.1:7447`.
     pub connect: Vec<String>,
     /// How fast recorded epochs are published.
@@ -55,6 +59,7 @@ impl AgentConfig {
             source,
             products: ProductSource::default(),
             corrections: Corrections::default(),
+            approximate_position: None,
             connect: Vec::new(),
             speed: Speed::Maximum,
             log: gnsslogger::Options::default(),

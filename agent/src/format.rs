@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use cofix_common::text::content;
+use cofix_common::whu::is_spare_log_line;
 use serde::Serialize;
 
 use crate::kinds;
@@ -20,6 +22,8 @@ pub enum Format {
     Rtcm3,
     /// Table of the Smartphone Decimeter Challenge.
     ChallengeTable,
+    /// Phone log of the WHU-Smartphone dataset.
+    SpareLog,
 }
 
 impl fmt::Display for Format {
@@ -30,13 +34,14 @@ impl fmt::Display for Format {
             Self::GnssLogger => "GnssLogger text",
             Self::Rtcm3 => "RTCM 3",
             Self::ChallengeTable => "challenge table",
+            Self::SpareLog => "spare log",
         })
     }
 }
 
 /// All that is read, for messages.
-pub const READ_FORMATS: &str = "RINEX 2, 3 and 4 observations, Compact RINEX, GnssLogger text, RTCM 3 and challenge tables \
-                                (*_derived.csv, device_gnss.csv); files may be packed with gzip or compress (.Z)";
+pub const READ_FORMATS: &str = "RINEX 2, 3 and 4 observations, Compact RINEX, GnssLogger text, RTCM 3, challenge tables \
+                                (*_derived.csv, device_gnss.csv) and spare logs of WHU-Smartphone; files may be packed with gzip or compress (.Z)";
 
 /// A log may have this many lines before one tells what it is.
 const LINES_TO_RECOGNISE: usize = 100;
@@ -48,7 +53,7 @@ const LABEL: std::ops::Range<usize> = 60..80;
 ///
 /// RINEX files of other kinds count as [`Format::Rinex`]: its decoder says what they are.
 pub fn recognise_text(start: &[u8], ended: bool) -> Option<Format> {
-    let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
+    let start = content(start);
     let complete = start.iter().rposition(|byte| *byte == b'\n');
     let lines = if ended { start } else { start.get(..complete?)? };
     let mut lines = lines.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii_end);
@@ -56,13 +61,20 @@ pub fn recognise_text(start: &[u8], ended: bool) -> Option<Format> {
     if let Some(format) = rinex(first).or_else(|| challenge_table(first)) {
         return Some(format);
     }
-    let is_log = is_log_line(first) || lines.take(LINES_TO_RECOGNISE - 1).any(is_log_line);
-    is_log.then_some(Format::GnssLogger)
+    std::iter::once(first).chain(lines).take(LINES_TO_RECOGNISE).find_map(phone_log)
+}
+
+/// The format of a phone's log that has such a line.
+fn phone_log(line: &[u8]) -> Option<Format> {
+    if is_log_line(line) {
+        return Some(Format::GnssLogger);
+    }
+    is_spare_log_line(line).then_some(Format::SpareLog)
 }
 
 fn rinex(first: &[u8]) -> Option<Format> {
     let label = first.get(LABEL.start..LABEL.end.min(first.len()))?.trim_ascii();
-    match label {
+    match label.to_ascii_uppercase().as_slice() {
         b"RINEX VERSION / TYPE" => Some(Format::Rinex),
         label if label.starts_with(b"CRINEX VERS") => Some(Format::CompactRinex),
         _ => None,
@@ -122,6 +134,8 @@ mod tests {
     fn text_formats_are_known_by_their_lines() {
         let rinex = format!("{:<20}{:<20}{:<20}RINEX VERSION / TYPE\n", "     3.04", "OBSERVATION DATA", "M");
         let compact = format!("{:<20}{:<40}CRINEX VERS   / TYPE\n", "3.0", "COMPACT RINEX FORMAT");
+        let (marked, after_blank_lines) = (format!("\u{feff}{rinex}"), format!("\r\n  \n{compact}"));
+        let lower_case = rinex.to_lowercase();
         for (start, format) in [
             (rinex.as_str(), Format::Rinex),
             (compact.as_str(), Format::CompactRinex),
@@ -129,8 +143,14 @@ mod tests {
             ("# \r\n\r\n#Raw,ElapsedRealtimeMillis\r\n", Format::GnssLogger),
             ("Raw,1,2,3\n", Format::GnssLogger),
             ("\u{feff}Fix,gps,37.4\n", Format::GnssLogger),
+            (&marked, Format::Rinex),
+            (&after_blank_lines, Format::CompactRinex),
+            (&lower_case, Format::Rinex),
+            ("\r\n\u{feff}phoneName, millisSinceGpsEpoch,svid\n", Format::ChallengeTable),
             ("phoneName, millisSinceGpsEpoch,svid\n", Format::ChallengeTable),
             ("MessageType,ArrivalTimeNanosSinceGpsEpoch\n", Format::ChallengeTable),
+            ("current_Start_Timestamp:2020_08_13_22_19_00.000\n", Format::SpareLog),
+            ("\r\n{\"gga\":\"\",\"obsd_t\":{}}\r\n", Format::SpareLog),
         ] {
             assert_eq!(recognise_text(start.as_bytes(), false), Some(format), "{start}");
             let cut = &start.as_bytes()[..start.len() - 1];
@@ -143,7 +163,7 @@ mod tests {
 
     #[test]
     fn a_log_is_searched_for_a_hundred_lines() {
-        let log = |before: usize| format!("{}Raw,1\n", "\n".repeat(before));
+        let log = |before: usize| format!("{}Raw,1\n", "x\n".repeat(before));
         assert_eq!(recognise_text(log(99).as_bytes(), false), Some(Format::GnssLogger));
         assert_eq!(recognise_text(log(100).as_bytes(), false), None);
     }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use cofix_common::gsdc;
+use cofix_common::text::content;
 
 use crate::Stop;
 use crate::format::recognise_text;
@@ -107,7 +108,7 @@ const TYPE: std::ops::Range<usize> = 20..22;
 
 /// What a file with this beginning looks like and where it goes, unless that is where it was `expected`.
 pub(crate) fn hint(start: &[u8], expected: &str) -> Option<&'static str> {
-    let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
+    let start = content(start);
     let kind = labelled(start)
         .or_else(|| BEGINNINGS.iter().find(|(bytes, _)| start.starts_with(bytes)).map(|(_, kind)| *kind))
         .or_else(|| gsdc::is_ground_truth(start).then_some(Kind::Truth))
@@ -185,7 +186,7 @@ mod tests {
             assert!(said.contains(option), "{start}: {said}");
             assert!(option.starts_with("cofix") || said.contains("session file"), "{said}");
             assert_eq!(hint(start.as_bytes(), name), None, "{start}");
-            let marked = format!("\u{feff}{start}");
+            let marked = format!("\r\n\u{feff}{start}");
             assert_eq!(hint(marked.as_bytes(), "something else"), Some(said), "{start}");
         }
     }

@@ -13,6 +13,7 @@
 mod config;
 pub mod convert;
 pub mod corrections;
+mod dating;
 pub mod files;
 pub mod format;
 mod history;
@@ -30,10 +31,11 @@ pub mod records;
 mod run;
 pub mod signals;
 pub mod source;
+pub mod status;
 mod stop;
 pub mod stream;
 
 pub use config::{AgentConfig, ProductFiles, ProductSource, Source, Speed, SpeedError};
 pub use corrections::{CorrectionSource, Corrections};
-pub use run::{AgentError, AgentReport, run};
+pub use run::{AgentError, AgentReport, run, run_watched};
 pub use stop::Stop;

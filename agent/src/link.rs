@@ -6,8 +6,8 @@ use zenoh::{Config, Session, Wait};
 
 use crate::Stop;
 
-/// Longest attempt to connect before the request to stop is looked at.
-const SLICE: Duration = Duration::from_secs(1);
+/// First and longest attempt to connect before the request to stop is looked at; on a link with a long delay the first ones are too short.
+const SLICES: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(8));
 
 /// A session that cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +38,12 @@ pub enum LinkError {
     },
 }
 
+/// How often a lost connection is tried again, in milliseconds: a hub that is started again should have its phones back before others wait for
+/// them.
+const RETRY_MS: &str = "{ period_init_ms: 500, period_max_ms: 1000, period_increase_factor: 2 }";
+/// Bytes that may wait in the system for a slow link, some ten seconds of epochs: more would only be late.
+const SEND_BUFFER_BYTES: &str = "32768";
+
 /// Opens a session that connects to `endpoints`, waiting up to `patience` for one of them to answer. Blocks.
 ///
 /// # Errors
@@ -50,7 +56,7 @@ pub fn connect(endpoints: &[String], patience: Duration) -> Result<Session, Link
     }
 }
 
-/// Like [`connect`]; `None` when asked to stop meanwhile, which is noticed within about a second.
+/// Like [`connect`]; `None` when asked to stop meanwhile, which is noticed within some seconds.
 ///
 /// # Errors
 /// When an endpoint is malformed or none answers in time.
@@ -61,11 +67,13 @@ pub fn connect_unless_stopped(
 ) -> Result<Option<Session>, LinkError> {
     check(endpoints, 1)?;
     let start = Instant::now();
+    let (mut longest, limit) = SLICES;
     loop {
         if stop.is_requested() {
             return Ok(None);
         }
-        let slice = patience.saturating_sub(start.elapsed()).min(SLICE);
+        let slice = patience.saturating_sub(start.elapsed()).min(longest);
+        longest = limit.min(2 * longest);
         let begun = Instant::now();
         match attempt(endpoints, slice)? {
             Ok(session) => return Ok(Some(session)),
@@ -75,7 +83,7 @@ pub fn connect_unless_stopped(
             return Err(unreachable(endpoints, patience));
         }
         // An attempt may fail at once.
-        if stop.sleep(slice.saturating_sub(begun.elapsed())) {
+        if stop.sleep(slice.min(SLICES.0).saturating_sub(begun.elapsed())) {
             return Ok(None);
         }
     }
@@ -84,7 +92,9 @@ pub fn connect_unless_stopped(
 fn attempt(endpoints: &[String], patience: Duration) -> Result<zenoh::Result<Session>, LinkError> {
     let milliseconds = patience.as_millis().max(1).to_string();
     let config = config("client", "connect/endpoints", endpoints)
-        .and_then(|config| with(config, "connect/timeout_ms", &milliseconds, endpoints))?;
+        .and_then(|config| with(config, "connect/timeout_ms", &milliseconds, endpoints))
+        .and_then(|config| with(config, "connect/retry", RETRY_MS, endpoints))
+        .and_then(|config| with(config, "transport/link/tcp/so_sndbuf", SEND_BUFFER_BYTES, endpoints))?;
     Ok(zenoh::open(config).wait())
 }
 

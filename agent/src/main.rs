@@ -1,6 +1,7 @@
 //! The command line of the agent.
 
 mod arguments;
+mod watch;
 
 use std::process::ExitCode;
 
@@ -101,7 +102,10 @@ fn convert(arguments: Convert) -> anyhow::Result<()> {
 
 fn start(config: AgentConfig) -> anyhow::Result<()> {
     let phone = config.phone.clone();
-    let report = run_until_asked_to_end(move |stop| Ok(cofix_agent::run(&config, stop)?))?;
+    let report = run_until_asked_to_end(move |stop| {
+        let mut watch = watch::Watch::start(&config.phone)?;
+        Ok(cofix_agent::run_watched(&config, stop, &mut |message| watch.epoch(message))?)
+    })?;
     for (reason, skip) in report.skips.iter() {
         tracing::warn!("skipped {} × {reason}, first: {}", skip.count, skip.first);
     }

@@ -20,6 +20,8 @@ use crate::stream::StreamDecoder;
 
 /// An epoch-wise position further than this from the last one is solved again from its own corrections, m.
 const RECORRECT_M: f64 = 1_000.0;
+/// What is counted of an epoch without a position.
+pub(crate) const NO_SOLUTION: &str = "epoch without a solution";
 /// How often at most.
 const MOST_CORRECTIONS: usize = 4;
 
@@ -155,7 +157,7 @@ impl PhonePipeline {
                 solution
             }
             Err(error) => {
-                self.skips.add("epoch without a solution", || format!("{time_gps}: {error}"));
+                self.skips.add(NO_SOLUTION, || format!("{time_gps}: {error}"));
                 None
             }
         };

@@ -11,6 +11,7 @@ use cofix_common::gnss::{ObservationEpoch, SatelliteId};
 use cofix_common::orbit::{BiasFile, ClockFile, GlonassEphemeris, KeplerEphemeris, Products, Sp3};
 use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
+use cofix_common::text::content;
 use cofix_common::time::GpsTime;
 
 use crate::kinds;
@@ -95,9 +96,10 @@ pub(crate) fn navigation_file(path: &Path) -> Result<NavigationFile, SourceError
 /// Whether the first line is that of a RINEX navigation file. A file that cannot be read is none: who reads it will say why.
 pub(crate) fn is_navigation_file(path: &Path, stop: &Stop) -> bool {
     let start = kinds::start_of(path, stop);
+    let start = content(&start);
     let label = start.get(60..FIRST_LINE);
-    let kind = start.get(20).copied().unwrap_or(b' ');
-    label.is_some_and(|label| label == b"RINEX VERSION / TYPE") && b"NGHE".contains(&kind)
+    let kind = start.get(20).copied().unwrap_or(b' ').to_ascii_uppercase();
+    label.is_some_and(|label| label.eq_ignore_ascii_case(b"RINEX VERSION / TYPE")) && b"NGHE".contains(&kind)
 }
 
 /// Reads files of one kind.

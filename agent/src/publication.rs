@@ -5,6 +5,7 @@
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until that is all of them.
 
+use std::cell::Cell;
 use std::time::{Duration, Instant};
 
 use cofix_common::wire::{
@@ -21,12 +22,18 @@ use zenoh::{Session, Wait};
 use crate::history::{Address, History};
 use crate::{Stop, link};
 
+/// How often a wait for an answer looks whether it still makes sense.
+const LOOK: Duration = Duration::from_millis(200);
 /// How often something awaited is looked at.
 const POLL: Duration = Duration::from_millis(5);
-/// Longest wait for an answer to one question about receipts.
-const ANSWER: Duration = Duration::from_secs(2);
+/// Longest wait for the hub's answer whether it knows the phone.
+const INTRODUCTION: Duration = Duration::from_secs(2);
+/// Longest wait for an answer about receipts while the hub is connected: on a slow link what was published before the question is still on its way.
+const UNANSWERED: Duration = Duration::from_mins(10);
 /// Longest wait for receipts without progress once asked to stop.
 const LAST_WORDS: Duration = Duration::from_secs(1);
+/// How often it is said that the hub has not answered yet.
+const REMINDER: Duration = Duration::from_secs(15);
 
 /// Why something could not be published.
 #[derive(Debug, thiserror::Error)]
@@ -163,33 +170,57 @@ impl Publication {
     /// # Errors
     /// When the session has no such phone.
     pub fn introduce(&self) -> Result<(), PublicationError> {
-        self.ask_for_receipt().map(drop)
+        let start = Instant::now();
+        self.ask_for_receipt(INTRODUCTION, &|| start.elapsed() < INTRODUCTION).map(drop)
     }
 
     /// Asks the hub until it has every epoch, has given up the rest, or has made no progress for `patience`; less once asked to stop.
-    /// How many it has; `None` when it never answered.
+    /// A hub that is connected and has not answered yet is waited for up to ten minutes: the question waits behind the epochs on a slow
+    /// link. How many it has; `None` when it never answered.
     pub fn wait_for_receipt(&self, patience: Duration, stop: &Stop) -> Option<u64> {
-        let mut progress = Instant::now();
-        let mut known: Option<Receipt> = None;
-        let patient = |progress: Instant| {
-            let limit = if stop.is_requested() { patience.min(LAST_WORDS) } else { patience };
-            progress.elapsed() < limit
-        };
-        while known.is_none_or(|known| known.settled() < self.published) && patient(progress) {
-            let Ok(answer) = self.ask_for_receipt() else { break };
-            if answer.map(Receipt::settled) > known.map(Receipt::settled) {
-                known = answer;
-                progress = Instant::now();
-            } else {
-                std::thread::sleep(POLL);
+        let mut wait = ReceiptWait { patience, known: None, progress: Instant::now() };
+        let reminded = Cell::new(Instant::now());
+        while wait.known.is_none_or(|known| known.settled() < self.published) {
+            let goes_on = || {
+                if reminded.get().elapsed() >= REMINDER {
+                    reminded.set(Instant::now());
+                    tracing::info!(
+                        "{}: waiting for the hub to confirm {} epochs",
+                        self.phone,
+                        self.published
+                    );
+                }
+                wait.progress.elapsed() < wait.limit(stop.is_requested(), self.is_connected())
+            };
+            let Ok(answer) = self.ask_for_receipt(UNANSWERED, &goes_on) else { break };
+            if answer.is_none() && !goes_on() || wait.is_enough(answer) {
+                break;
             }
+            std::thread::sleep(POLL);
         }
-        known.map(|known| known.received)
+        wait.known.map(|known| known.received)
     }
 
-    fn ask_for_receipt(&self) -> Result<Option<Receipt>, PublicationError> {
-        let Ok(replies) = self.session.get(&self.receipt_key).timeout(ANSWER).wait() else { return Ok(None) };
-        while let Ok(reply) = replies.recv() {
+    fn is_connected(&self) -> bool {
+        self.session.info().routers_zid().wait().next().is_some()
+    }
+
+    /// One question; `None` when there is no answer within `timeout`, or as soon as it does not go on.
+    fn ask_for_receipt(
+        &self,
+        timeout: Duration,
+        goes_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Receipt>, PublicationError> {
+        // The answer may be long on its way: it is taken even when the question was asked some time ago.
+        let replies = self.session.get(&self.receipt_key).timeout(UNANSWERED).wait();
+        let Ok(replies) = replies else { return Ok(None) };
+        let asked = Instant::now();
+        loop {
+            let reply = match replies.recv_timeout(LOOK) {
+                Ok(Some(reply)) => reply,
+                Ok(None) if asked.elapsed() < timeout && goes_on() => continue,
+                Ok(None) | Err(_) => return Ok(None),
+            };
             match reply.result() {
                 Ok(sample) => {
                     let receipt = std::str::from_utf8(&sample.payload().to_bytes()).ok().and_then(parse);
@@ -206,7 +237,6 @@ impl Publication {
                 }
             }
         }
-        Ok(None)
     }
 
     /// Takes everything back and closes the session.
@@ -219,6 +249,33 @@ impl Publication {
         self.history.undeclare().map_err(zenoh_error)?;
         self.alive.undeclare().wait().map_err(zenoh_error)?;
         self.session.close().wait().map_err(zenoh_error)
+    }
+}
+
+/// How long receipts are waited for.
+struct ReceiptWait {
+    patience: Duration,
+    /// What the hub said last that was more than before.
+    known: Option<Receipt>,
+    progress: Instant,
+}
+
+impl ReceiptWait {
+    /// How long an answer may take: of a hub that is connected, all that was published before the question may still be on its way.
+    fn limit(&self, stop_is_requested: bool, is_connected: bool) -> Duration {
+        match (stop_is_requested, is_connected) {
+            (true, _) => self.patience.min(LAST_WORDS),
+            (false, true) => self.patience.max(UNANSWERED),
+            (false, false) => self.patience,
+        }
+    }
+
+    /// Takes an answer in; whether it is the last one, since the hub has not got more for long enough.
+    fn is_enough(&mut self, answer: Option<Receipt>) -> bool {
+        if answer.map(Receipt::settled) > self.known.map(Receipt::settled) {
+            (self.known, self.progress) = (answer, Instant::now());
+        }
+        answer.is_some() && self.progress.elapsed() >= self.patience
     }
 }
 
@@ -265,6 +322,23 @@ fn listened(publisher: &ZenohPublisher<'_>) -> Result<bool, PublicationError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_hub_that_is_connected_is_waited_for_until_it_answers() {
+        let patience = Duration::from_mins(20);
+        let mut wait =
+            ReceiptWait { patience: Duration::from_secs(10), known: None, progress: Instant::now() };
+        assert_eq!(wait.limit(false, true), UNANSWERED, "what it has is still on its way");
+        assert_eq!(wait.limit(false, false), Duration::from_secs(10), "the connection is lost");
+        assert_eq!(wait.limit(true, true), LAST_WORDS);
+        wait.patience = patience;
+        let receipt = |received| Some(Receipt { received, lost: 1 });
+        assert!(!wait.is_enough(receipt(3)) && !wait.is_enough(receipt(2)) && !wait.is_enough(None));
+        assert_eq!(wait.known, receipt(3));
+        wait.patience = Duration::ZERO;
+        assert!(!wait.is_enough(None), "no answer says nothing");
+        assert!(wait.is_enough(receipt(3)), "it has had no more for long enough");
+    }
 
     #[test]
     fn receipts_are_read() {

@@ -6,6 +6,7 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
 use crate::Stop;
+use crate::dating::Dated;
 use crate::format::Format;
 use crate::input::{Bytes, Portion};
 use crate::stream::StreamDecoder;
@@ -32,8 +33,6 @@ pub struct Records {
     /// An instant near the stream's beginning.
     near: GpsTime,
     last: Option<GpsTime>,
-    /// Whether nobody said when the stream was recorded.
-    date_is_guessed: bool,
     /// What was skipped here; the decoder counts for itself.
     skips: Skips,
 }
@@ -49,14 +48,15 @@ impl Records {
             is_anew: false,
             near,
             last: None,
-            date_is_guessed: false,
             skips: Skips::default(),
         }
     }
 
-    /// Records whose `near` is a guess; where the format lacks the week, the skips say so.
-    pub fn with_guessed_date(bytes: Box<dyn Bytes>, near: GpsTime) -> Self {
-        Self { date_is_guessed: true, ..Self::new(bytes, near) }
+    /// The records of a recording whose dates have been found.
+    pub(crate) fn dated(bytes: Box<dyn Bytes>, dated: Dated) -> Self {
+        let Dated { dates, notes } = dated;
+        let near = dates.begins();
+        Self { decoder: StreamDecoder::dated(&dates), skips: notes, ..Self::new(bytes, near) }
     }
 
     /// The same for GnssLogger text read in another way than by default.
@@ -74,7 +74,7 @@ impl Records {
         loop {
             while let Some(record) = self.decoder.next_record() {
                 if self.is_in_order(&record) {
-                    return Ok(Some(record));
+                    return Ok(Some(self.without_impossible_signals(record)));
                 }
             }
             if self.ended {
@@ -144,6 +144,24 @@ impl Records {
         true
     }
 
+    /// Leaves out observations of signals that their satellites cannot send. Of RINEX the decoder has done it, which knows the lines.
+    fn without_impossible_signals(&mut self, mut record: Record) -> Record {
+        let is_rinex = matches!(self.decoder.format(), Some(Format::Rinex | Format::CompactRinex));
+        if let (Record::Epoch(epoch), false) = (&mut record, is_rinex) {
+            let time_gps = epoch.time_gps;
+            epoch.observations.retain(|observation| {
+                let reason = observation.satellite.cannot_send(observation.signal);
+                if let Some(reason) = reason {
+                    self.skips.add(reason, || {
+                        format!("{} {} at {time_gps}", observation.satellite, observation.signal)
+                    });
+                }
+                reason.is_none()
+            });
+        }
+        record
+    }
+
     /// The decoder, for what it knows of the stream.
     pub const fn decoder(&self) -> &StreamDecoder {
         &self.decoder
@@ -153,11 +171,6 @@ impl Records {
     pub fn skips(&self) -> Skips {
         let mut all = self.decoder.skips().clone();
         all.merge(&self.skips);
-        if self.date_is_guessed && self.decoder.format() == Some(Format::Rtcm3) {
-            all.add("no date was given: the week is that of the file's last change", || {
-                self.last.map_or("no epoch".to_owned(), |last| format!("last epoch {last}; give --date"))
-            });
-        }
         all
     }
 }

@@ -6,12 +6,13 @@ use cofix_common::measurement::DifferentialCounts;
 use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
-use cofix_common::wire::{PhoneStatus, check_name};
+use cofix_common::wire::{EpochMessage, PhoneStatus, check_name};
 
 use crate::corrections::{Feed, News};
+use crate::input::ntrip::RoverPosition;
 use crate::link::{self, LinkError};
 use crate::pace::Pace;
-use crate::pipeline::PhonePipeline;
+use crate::pipeline::{NO_SOLUTION, PhonePipeline};
 use crate::products::{Loaded, OwnNavigation, note_shortcomings};
 use crate::publication::{Publication, PublicationError, Publisher};
 use crate::source::{self, Opened, Reading, SourceError};
@@ -45,6 +46,15 @@ pub enum AgentError {
         /// Epochs published.
         published: u64,
     },
+    /// The hub never said what it got.
+    #[error(
+        "{published} epochs were published and none is confirmed: the hub did not answer how many of them it has; it ended, the connection is \
+         lost, or the link is too slow for what waits on it (the hub's report tells)"
+    )]
+    Unanswered {
+        /// Epochs published.
+        published: u64,
+    },
 }
 
 /// What an agent did.
@@ -52,6 +62,8 @@ pub enum AgentError {
 pub struct AgentReport {
     /// Epochs published.
     pub epochs_published: u64,
+    /// Epochs that have a position by themselves.
+    pub solutions: u64,
     /// Whether it was asked to stop before the end.
     pub stopped: bool,
     /// What base stations did for the observations.
@@ -66,13 +78,25 @@ pub struct AgentReport {
 /// When a name or the source cannot be used, the hub cannot be reached, does not listen or does not know the phone, or did
 /// not confirm all epochs.
 pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError> {
+    run_watched(config, stop, &mut |_| {})
+}
+
+/// Like [`run`]; `watch` is shown every message that was published.
+///
+/// # Errors
+/// As of [`run`].
+pub fn run_watched(
+    config: &AgentConfig,
+    stop: &Stop,
+    watch: &mut dyn FnMut(&EpochMessage),
+) -> Result<AgentReport, AgentError> {
     for name in [&config.group, &config.phone] {
         check_name(name).map_err(PublicationError::from)?;
     }
-    let Prepared { products, expected, mut opened, feed, mut skips } = Prepared::new(config, stop)?;
+    let Prepared { products, expected, mut opened, feed, rover, mut skips } = Prepared::new(config, stop)?;
     let Some(session) = link::connect_unless_stopped(&config.connect, config.patience, stop)? else {
         let corrections = DifferentialCounts::default();
-        return Ok(AgentReport { epochs_published: 0, stopped: true, corrections, skips });
+        return Ok(AgentReport { epochs_published: 0, solutions: 0, stopped: true, corrections, skips });
     };
     let publisher =
         Publisher { group: &config.group, phone: &config.phone, kept_messages: config.kept_messages };
@@ -88,9 +112,12 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
         pipeline,
         publication,
         feed,
+        rover,
+        solutions: 0,
         terms_known: false,
         channels_known: 0,
         shortcomings: Skips::default(),
+        watch,
     };
     let outcome = work.publish(&mut opened, expected);
     skips.merge(&work.shortcomings);
@@ -106,10 +133,17 @@ pub fn run(config: &AgentConfig, stop: &Stop) -> Result<AgentReport, AgentError>
     let finished = finish(config, &work.publication, &outcome, &skips, stop);
     let report = AgentReport {
         epochs_published: work.publication.published(),
+        solutions: work.solutions,
         stopped: stop.is_requested(),
         corrections: work.pipeline.differential_counts(),
         skips,
     };
+    if report.solutions == 0 && report.epochs_published > 0 {
+        let reason = report.skips.iter().find(|(reason, _)| *reason == NO_SOLUTION);
+        let first = reason.map_or(String::new(), |(_, skip)| format!(": {}", skip.first));
+        let (phone, epochs) = (&config.phone, report.epochs_published);
+        tracing::warn!("{phone}: none of {epochs} epochs has a position{first}");
+    }
     let closed = work.publication.close();
     outcome?;
     finished?;
@@ -124,6 +158,7 @@ struct Prepared<'a> {
     expected: Option<u64>,
     opened: Opened<'a>,
     feed: Option<Feed>,
+    rover: RoverPosition,
     skips: Skips,
 }
 
@@ -137,6 +172,8 @@ impl<'a> Prepared<'a> {
         let reading = Reading { near, log: config.log.clone() };
         let has_orbits = products.has_orbits();
         let mut expected = None;
+        let rover = RoverPosition::default();
+        rover.suppose(config.approximate_position);
         if matches!(config.source, Source::Live { .. }) {
             if !has_orbits {
                 tracing::info!("no orbits are named: positions begin when the source has sent its own");
@@ -150,13 +187,19 @@ impl<'a> Prepared<'a> {
             }
             survey.navigation.add_to(&mut products);
             skips.merge(&survey.skips);
+            rover.suppose(survey.station);
             expected = Some(survey.epochs);
         }
         let feed = match &config.corrections {
             none if none.is_none() => None,
-            corrections => Some(Feed::open(corrections, config.source.near().unwrap_or_else(source::now))?),
+            corrections => {
+                rover.suppose(corrections.base_position);
+                let near = config.source.near().unwrap_or_else(source::now);
+                Some(Feed::open(corrections, near, &rover)?)
+            }
         };
-        Ok(Self { products, expected, opened: Opened::open(&config.source, &reading)?, feed, skips })
+        let opened = Opened::open_near(&config.source, &reading, &rover)?;
+        Ok(Self { products, expected, opened, feed, rover, skips })
     }
 }
 
@@ -169,11 +212,16 @@ struct Work<'a> {
     publication: Publication,
     /// Corrections from elsewhere.
     feed: Option<Feed>,
+    /// Where the phone is, for casters.
+    rover: RoverPosition,
+    /// Epochs that have a position by themselves.
+    solutions: u64,
     /// Whether the ionosphere terms of a live source went into the products.
     terms_known: bool,
     /// GLONASS channels of a live source that went into the products.
     channels_known: usize,
     shortcomings: Skips,
+    watch: &'a mut dyn FnMut(&EpochMessage),
 }
 
 impl Work<'_> {
@@ -197,6 +245,7 @@ impl Work<'_> {
                 self.learn(own, opened);
             }
             let Some(epoch) = epoch else { continue };
+            self.rover.suppose(opened.records().and_then(|records| records.decoder().station()));
             // Of a live source everything is published that has come until the request to stop.
             if pace.wait(epoch.time_gps, self.stop) && !is_live {
                 break;
@@ -208,7 +257,12 @@ impl Work<'_> {
                 Some(records) => self.pipeline.process_last(&epoch, records.decoder()),
                 None => self.pipeline.process(&epoch),
             };
+            self.solutions += u64::from(message.wls.is_some());
+            if let Some(position) = self.pipeline.position() {
+                self.rover.set(position);
+            }
             self.publication.epoch(&message)?;
+            (self.watch)(&message);
         }
         Ok(())
     }
@@ -216,9 +270,6 @@ impl Work<'_> {
     /// Takes what corrections are there for an epoch.
     fn hear(&mut self, time_gps: GpsTime) -> Result<(), AgentError> {
         let Some(feed) = &mut self.feed else { return Ok(()) };
-        if let Some(position) = self.pipeline.position() {
-            feed.tell(position);
-        }
         let News { navigation, bases } = feed.until(time_gps, self.stop)?;
         if !navigation.is_empty() {
             self.add_navigation(navigation);
@@ -287,9 +338,10 @@ fn finish(
         return Ok(());
     }
     let last_wait = if is_live { &Stop::default() } else { stop };
-    match publication.wait_for_receipt(config.patience, last_wait).unwrap_or(0) {
-        confirmed if confirmed >= published => Ok(()),
-        confirmed => Err(AgentError::NotConfirmed { confirmed, published }),
+    match publication.wait_for_receipt(config.patience, last_wait) {
+        Some(confirmed) if confirmed >= published => Ok(()),
+        Some(confirmed) => Err(AgentError::NotConfirmed { confirmed, published }),
+        None => Err(AgentError::Unanswered { published }),
     }
 }
 

@@ -10,13 +10,16 @@ use std::slice;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use cofix_common::decode::Record;
+use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::gnsslogger;
 use cofix_common::rinex::leap_seconds_at;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
+use crate::dating;
 use crate::format::Format;
+use crate::input::ntrip::RoverPosition;
 use crate::input::{LiveSource, Recorded};
 use crate::kinds;
 use crate::products::OwnNavigation;
@@ -70,7 +73,8 @@ pub enum SourceError {
 /// How recordings are read.
 #[derive(Clone, Debug, Default)]
 pub struct Reading {
-    /// An instant within three days of the beginning, which RTCM 3 needs: its messages carry the time of week only.
+    /// An instant within three days of the beginning, for RTCM 3, whose observations carry the time of week only. Ephemerides in the stream know
+    /// the week better.
     pub near: Option<GpsTime>,
     /// Clock and masks of GnssLogger text.
     pub log: gnsslogger::Options,
@@ -92,6 +96,8 @@ pub struct Survey {
     pub navigation: OwnNavigation,
     /// Whether it has satellite states and corrections of its own.
     pub has_corrections: bool,
+    /// Where the source says that its antenna is, approximately.
+    pub station: Option<Ecef>,
     /// Whether these are the phone's own (GnssLogger text since 2022), and not those of who made a table.
     pub has_phone_states: bool,
     /// What was skipped.
@@ -107,12 +113,21 @@ pub(crate) enum Opened<'a> {
 impl<'a> Opened<'a> {
     /// Opens a source.
     pub(crate) fn open(source: &'a Source, reading: &Reading) -> Result<Self, SourceError> {
+        Self::open_near(source, reading, &RoverPosition::default())
+    }
+
+    /// The same for a rover, whose position a caster gets to hear.
+    pub(crate) fn open_near(
+        source: &'a Source,
+        reading: &Reading,
+        rover: &RoverPosition,
+    ) -> Result<Self, SourceError> {
         match source {
             Source::Epochs(epochs) => Ok(Self::Memory(epochs.iter())),
             Source::File(path) => Ok(Self::file(path, open_file(path, reading)?)),
             Source::DatedFile { path, near } => Ok(Self::file(path, open_file(path, &reading.near(*near))?)),
             Source::Live { from, near } => {
-                let records = open_live(from, *near)?.with_log_options(reading.log.clone());
+                let records = open_live(from, *near, rover)?.with_log_options(reading.log.clone());
                 Ok(Self::Stream { name: from.to_string(), path: None, records: Box::new(records) })
             }
         }
@@ -183,36 +198,36 @@ pub(crate) fn with_hint(reason: String, hint: Option<&str>) -> String {
     }
 }
 
-/// Opens a recorded file. Without an instant near its beginning the time of its last change stands for it, which only RTCM 3
-/// needs.
+/// Opens a recorded file. A stream of RTCM 3, which lacks the week, is dated first: see [`crate::dating`].
 ///
 /// # Errors
 /// When the file cannot be opened.
 pub fn open_file(path: &Path, reading: &Reading) -> Result<Records, SourceError> {
     let cause = |cause| SourceError::Read { path: path.to_owned(), kind: KIND, cause };
-    let bytes = Recorded::open(path).map_err(cause)?;
-    let records = if let Some(near) = reading.near {
-        Records::new(Box::new(bytes), near)
-    } else {
-        let changed = std::fs::metadata(path).and_then(|metadata| metadata.modified());
-        let near = gps_time_of(changed.unwrap_or_else(|_| SystemTime::now()));
-        Records::with_guessed_date(Box::new(bytes), near)
+    let bytes = Box::new(Recorded::open(path).map_err(cause)?);
+    let records = match dating::of_file(path, reading.near).map_err(cause)? {
+        Some(dated) => Records::dated(bytes, dated),
+        None => Records::new(bytes, reading.near.unwrap_or_else(now)),
     };
     Ok(records.with_log_options(reading.log.clone()))
 }
 
-fn open_live(live: &LiveSource, near: Option<GpsTime>) -> Result<Records, SourceError> {
-    let bytes = live.open().map_err(|cause| SourceError::Live { name: live.to_string(), cause })?;
+fn open_live(
+    live: &LiveSource,
+    near: Option<GpsTime>,
+    rover: &RoverPosition,
+) -> Result<Records, SourceError> {
+    let bytes = live.open_near(rover).map_err(|cause| SourceError::Live { name: live.to_string(), cause })?;
     Ok(Records::new(bytes, near.unwrap_or_else(now)))
 }
 
 /// GPS time now, by the computer's clock.
-pub(crate) fn now() -> GpsTime {
+pub fn now() -> GpsTime {
     gps_time_of(SystemTime::now())
 }
 
 /// GPS time of an instant of the computer's clock.
-fn gps_time_of(time: SystemTime) -> GpsTime {
+pub(crate) fn gps_time_of(time: SystemTime) -> GpsTime {
     let unix_s = time.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
     let epoch = GpsTime::default().as_unix_calendar_nanos() as f64 * 1e-9;
     let utc = GpsTime::default() + (unix_s - epoch);
@@ -234,6 +249,7 @@ pub fn survey(source: &Source, reading: &Reading, stop: &Stop) -> Result<Survey,
     }
     if let Some(records) = opened.records() {
         survey.navigation.take_terms(records.decoder());
+        survey.station = records.decoder().station();
         survey.skips = records.skips();
     }
     match &opened {

@@ -4,13 +4,16 @@ use std::collections::BTreeMap;
 
 use cofix_common::decode::{Decoder, Record, WrongStream};
 use cofix_common::frames::Ecef;
-use cofix_common::gnsslogger::{self, GnssLoggerDecoder};
+use cofix_common::gnsslogger::{self, Fix, GnssLoggerDecoder};
 use cofix_common::gsdc::DerivedDecoder;
 use cofix_common::measurement::RecordedEpoch;
-use cofix_common::rinex::{IonosphereTerms, ObservationDecoder, ObservationHeader, leap_seconds_at};
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::rinex::{
+    Equipment, IonosphereTerms, ObservationDecoder, ObservationHeader, leap_seconds_at,
+};
+use cofix_common::rtcm::{RtcmDecoder, RtcmOptions, StreamDates};
 use cofix_common::skips::Skips;
 use cofix_common::time::{GpsTime, SECONDS_PER_WEEK};
+use cofix_common::whu::SpareLogDecoder;
 
 use crate::format::{self, Format};
 use crate::phone::PhoneTally;
@@ -41,17 +44,30 @@ enum Kind {
     GnssLogger(Box<GnssLoggerDecoder>),
     Rtcm3(Box<RtcmDecoder>),
     ChallengeTable(Box<DerivedDecoder>),
+    SpareLog(Box<SpareLogDecoder>),
+}
+
+fn rtcm(near: GpsTime) -> RtcmDecoder {
+    // UTC is behind by seconds only: the same number except around a leap second itself.
+    let leap_seconds = u8::try_from(leap_seconds_at(near)).unwrap_or(0);
+    RtcmDecoder::new(RtcmOptions { near, leap_seconds })
 }
 
 impl StreamDecoder {
     /// At the beginning of a stream. `near` is an instant within three days of its beginning, which RTCM 3 needs: its
     /// messages carry the time of week only.
     pub fn new(near: GpsTime) -> Self {
-        // UTC is behind by seconds only: the same number except around a leap second itself.
-        let leap_seconds = u8::try_from(leap_seconds_at(near)).unwrap_or(0);
-        let probe = Box::new(RtcmDecoder::new(RtcmOptions { near, leap_seconds }));
+        Self::probing(rtcm(near))
+    }
+
+    /// At the beginning of a recording whose dates, if it is RTCM 3, have been found.
+    pub fn dated(dates: &StreamDates) -> Self {
+        Self::probing(rtcm(dates.begins()).with_dates(dates))
+    }
+
+    fn probing(probe: RtcmDecoder) -> Self {
         Self {
-            kind: Kind::Open { start: Vec::new(), probe, false_starts: 0 },
+            kind: Kind::Open { start: Vec::new(), probe: Box::new(probe), false_starts: 0 },
             log: gnsslogger::Options::default(),
             phone: PhoneTally::default(),
         }
@@ -77,6 +93,7 @@ impl StreamDecoder {
             Kind::GnssLogger(_) => Some(Format::GnssLogger),
             Kind::Rtcm3(_) => Some(Format::Rtcm3),
             Kind::ChallengeTable(_) => Some(Format::ChallengeTable),
+            Kind::SpareLog(_) => Some(Format::SpareLog),
         }
     }
 
@@ -154,6 +171,33 @@ impl StreamDecoder {
         }
     }
 
+    /// Where the recording was made, roughly: [`Self::station`], or the first own position of the phone.
+    pub fn approximate_position(&self) -> Option<Ecef> {
+        match &self.kind {
+            Kind::GnssLogger(decoder) => decoder.own_fix().map(Fix::position),
+            _ => self.station(),
+        }
+    }
+
+    /// What the recording was made with, as far as the stream tells: headers of RINEX and GnssLogger text, RTCM messages 1007, 1008
+    /// and 1033.
+    pub fn equipment(&self) -> Equipment {
+        match &self.kind {
+            Kind::Rinex(_, decoder) => {
+                decoder.first_header().map(|header| header.equipment.clone()).unwrap_or_default()
+            }
+            Kind::Rtcm3(decoder) => decoder.equipment().clone(),
+            Kind::GnssLogger(decoder) => {
+                decoder.device().map_or_else(Equipment::default, |device| Equipment {
+                    receiver_type: device.name(),
+                    receiver_version: device.software(),
+                    ..Equipment::default()
+                })
+            }
+            _ => Equipment::default(),
+        }
+    }
+
     /// What follows does not continue what came before: a connection was lost. Ends a cut line, so that it spoils no
     /// other; frames of RTCM 3 find their own beginning.
     ///
@@ -181,6 +225,7 @@ impl StreamDecoder {
             Kind::GnssLogger(decoder) => decoder.as_mut(),
             Kind::Rtcm3(decoder) => decoder.as_mut(),
             Kind::ChallengeTable(decoder) => decoder.as_mut(),
+            Kind::SpareLog(decoder) => decoder.as_mut(),
         }
     }
 
@@ -205,6 +250,7 @@ impl StreamDecoder {
                 let decoder = DerivedDecoder::new(self.log.masks.clone());
                 Kind::ChallengeTable(Box::new(decoder.with_shift(self.log.shift_weeks)))
             }
+            Some(Format::SpareLog) => Kind::SpareLog(Box::default()),
             Some(Format::Rtcm3) | None if probe.frames() > 0 => Kind::Rtcm3(probe.clone()),
             Some(Format::Rtcm3) | None
                 if ended || start.len() >= BYTES_TO_RECOGNISE || format::is_packed(start) =>
@@ -259,6 +305,7 @@ impl Decoder for StreamDecoder {
             Kind::GnssLogger(decoder) => decoder.skips(),
             Kind::Rtcm3(decoder) => decoder.skips(),
             Kind::ChallengeTable(decoder) => decoder.skips(),
+            Kind::SpareLog(decoder) => decoder.skips(),
         }
     }
 }

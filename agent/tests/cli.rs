@@ -311,8 +311,23 @@ fn a_source_is_one_of_file_and_live() {
     for (arguments, said) in [
         (vec!["--group", "g", "--phone", "p", "--observations", "tcp://nowhere"], "tcp://HOST:PORT"),
         (
-            vec!["--group", "g", "--phone", "p", "--follow", "missing.rnx", "--connect", "tcp/127.0.0.1:9"],
-            "missing.rnx",
+            vec![
+                "--group",
+                "g",
+                "--phone",
+                "p",
+                "--follow",
+                "missing.rnx",
+                "--connect",
+                "tcp/127.0.0.1:9",
+                "--patience",
+                "1",
+            ],
+            "missing.rnx is not there yet; waiting for it",
+        ),
+        (
+            vec!["--group", "g", "--phone", "p", "--follow", ".", "--connect", "tcp/127.0.0.1:9"],
+            "it is a folder",
         ),
     ] {
         let assert = command(folder.path(), &arguments).code(1);

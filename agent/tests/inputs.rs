@@ -91,6 +91,21 @@ fn a_file_is_followed_as_it_grows_in_odd_portions() {
 }
 
 #[test]
+fn a_file_that_is_not_there_yet_is_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("later.rnx");
+    let mut records = records(Followed::open(&path).unwrap());
+    let stop = Stop::default();
+    let writer = std::thread::spawn(move || std::fs::write(&path, file(0..3)).unwrap());
+    assert_eq!(next(&mut records, &stop).unwrap().time_gps, time(0));
+    writer.join().unwrap();
+    stop.request();
+    let missing = Followed::open(&folder.path().join("never.rnx")).unwrap();
+    assert!(next(&mut self::records(missing), &stop).is_none());
+    assert!(Followed::open(folder.path()).is_err(), "a folder");
+}
+
+#[test]
 fn a_file_written_anew_is_read_from_its_beginning() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rewritten.rnx");

@@ -170,7 +170,16 @@ fn without_fresh_corrections_nothing_changes() {
     assert_eq!(applied.counts.too_old, observations.len() as u64);
     let named = applied.skips.iter().next().unwrap();
     assert_eq!(named.0, "epoch whose corrections are too old, used uncorrected");
-    assert!(named.1.first.contains("6.0 s, the limit is 5 s"), "{}", named.1.first);
+    assert!(named.1.first.contains("6.0 s, the last are of"), "{}", named.1.first);
+    // A base whose clock is ahead.
+    let mut differential = world.differential(options);
+    world.add_base(&mut differential, 10);
+    let (observations, applied) = world.apply(&mut differential, 2);
+    assert_eq!(observations, world.observations(2), "eight seconds later are too many");
+    assert_eq!((applied.counts.too_old, applied.counts.missing), (0, observations.len() as u64));
+    let named = applied.skips.iter().next().unwrap();
+    assert_eq!(named.0, "epoch whose corrections are of later, used uncorrected");
+    assert!(named.1.first.contains("the nearest are 8.0 s later"), "{}", named.1.first);
 }
 
 #[test]

@@ -148,7 +148,8 @@ fn the_glonass_record_of_3_05_has_flags_and_may_miss_its_delay() {
 fn leap_seconds_that_contradict_the_date_are_named() {
     let text = navigation("3.04", GLONASS).replace("    18    18", "    17    18");
     let file = NavigationFile::parse(text.as_bytes()).unwrap();
-    assert_eq!(file.glonass[0].toe, "2020-06-24T23:15:17".parse().unwrap());
+    assert_eq!(file.glonass[0].toe, "2020-06-24T23:15:18".parse().unwrap());
+    assert_eq!(file.leap_seconds, Some(18));
     assert_eq!(file.skips.total(), 1, "{}", file.skips);
 }
 

@@ -327,7 +327,7 @@ fn text_event() -> impl Strategy<Value = Event> {
 }
 
 fn slips() -> impl Strategy<Value = Event> {
-    let systems = vec![Constellation::Gps, Constellation::Galileo, Constellation::Sbas];
+    let systems = vec![Constellation::Gps, Constellation::Galileo, Constellation::Qzss];
     let name = (proptest::sample::select(systems), 1..40_u8, proptest::sample::select(vec![b'1', b'5']));
     let cycles = (-9_999_999..9_999_999_i64).prop_filter("zero is missing", |v| *v != 0);
     proptest::collection::btree_map(name, cycles, 0..20).prop_map(|slips| {

@@ -53,7 +53,7 @@ fn recordings_come_back_exactly() {
         let file = ObservationFile::parse(&bytes).unwrap();
         let info = RecordingInfo {
             marker_name: file.header.marker_name.clone(),
-            receiver_type: file.header.receiver_type.clone(),
+            equipment: file.header.equipment.clone(),
             interval_s: file.header.interval_s,
             approximate_position: file.header.approximate_position,
             glonass_channels: file.header.glonass_channels.clone(),
@@ -66,7 +66,7 @@ fn recordings_come_back_exactly() {
         assert!(again.skips.is_empty(), "{path}: {}", again.skips);
         assert_eq!(again.header.version, 305);
         assert_eq!(again.header.glonass_channels, file.header.glonass_channels);
-        assert_eq!(again.header.receiver_type, file.header.receiver_type);
+        assert_eq!(again.header.equipment, file.header.equipment);
         assert_eq!(again.header.interval_s, file.header.interval_s);
         assert_eq!(sorted(again.epochs), sorted(file.epochs), "{path}");
     }

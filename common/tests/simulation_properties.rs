@@ -1,4 +1,4 @@
-//! Properties of the simulated convoy that hold for any seed, seen from outside.
+//! Properties of the simulation that hold for any seed, seen from outside.
 
 #![allow(clippy::unwrap_used)] // a test may
 
@@ -12,7 +12,9 @@ use cofix_common::constraint::Constraint;
 use cofix_common::frames::LocalFrame;
 use cofix_common::gnss::{ClockGroup, Constellation, Observation, SatelliteId, SignalCode};
 use cofix_common::orbit::Products;
-use cofix_common::simulation::{InterSystemBiases, PhoneOptions, Scenario, SimulatedEpoch, Simulation};
+use cofix_common::simulation::{
+    ClockOptions, ErrorModel, InterSystemBiases, PhoneOptions, Scenario, SimulatedEpoch, Simulation,
+};
 use cofix_common::time::GpsTime;
 use nalgebra::{Rotation3, Vector3};
 
@@ -57,17 +59,19 @@ fn the_order_of_phones_does_not_matter() {
 fn what_blocks_one_satellite_changes_nothing_for_others() {
     let open = simulation(Scenario { canyons: Vec::new(), ..Scenario::default() });
     let street = simulation(Scenario::default());
-    let (mut compared, mut in_canyon) = (0, 0);
+    let (mut far, mut hidden, mut same, mut in_canyon) = (0, 0, 0, 0);
     for (with, without) in street.epochs(0).zip(open.epochs(0)) {
-        if with.in_canyon {
-            in_canyon += 1;
-        } else if in_canyon == 0 {
-            compared += 1;
-            assert_eq!(with, without);
-        }
         assert!(satellites(&with).is_subset(&satellites(&without)));
+        in_canyon += i32::from(with.in_canyon);
+        far += i32::from(with == without);
+        if !with.in_canyon {
+            // Seen from outside, the houses hide or reflect some satellites, and leave the others as they are.
+            hidden += satellites(&without).len() - satellites(&with).len();
+            same += with.epoch.observations.iter().filter(|o| without.epoch.observations.contains(o)).count();
+        }
     }
-    assert!(compared > 100 && in_canyon > 30, "{compared} {in_canyon}");
+    assert!(far > 400 && in_canyon > 30, "{far} {in_canyon}");
+    assert!((1..200).contains(&hidden) && same > 10_000, "{hidden} {same}");
 }
 
 #[test]
@@ -92,34 +96,93 @@ fn tags_differ_between_phones_and_truth_is_at_reception() {
     assert_eq!(simulation.truth_table(0).len(), 601);
 }
 
+/// The scenarios that have a name.
+fn named() -> [(&'static str, Scenario); 4] {
+    [
+        ("convoy", Scenario::convoy(4)),
+        ("car", Scenario::car(6)),
+        ("canyon", Scenario::canyon(5)),
+        ("static", Scenario::stationary(5)),
+    ]
+}
+
 #[test]
 fn the_truth_keeps_the_constraints() {
-    let phones = (0..4).map(PhoneOptions::of_vehicle).collect();
-    let simulation = simulation(Scenario { phones, duration_s: 900.0, ..Scenario::default() });
-    let constraints =
-        [simulation.distance_constraints(), simulation.vertical_velocity_constraints()].concat();
-    assert_eq!(constraints.len(), 6 + 4);
-    let tables: Vec<_> = (0..4).map(|phone| simulation.truth_table(phone)).collect();
-    for second in 0..=900 {
-        let truth: Vec<_> = tables.iter().map(|table| table[second]).collect();
-        for constraint in &constraints {
-            match *constraint {
-                Constraint::Distance { phones: (a, b), minimum_m, maximum_m } => {
-                    let distance = truth[a].position.distance_m(truth[b].position);
-                    assert!(
-                        (minimum_m..=maximum_m).contains(&distance),
-                        "{second} s: {distance} {constraint:?}"
-                    );
+    for (name, scenario) in named() {
+        let simulation = simulation(Scenario { duration_s: 900.0, ..scenario });
+        let count = simulation.phone_names().len();
+        let constraints =
+            [simulation.distance_constraints(), simulation.vertical_velocity_constraints()].concat();
+        assert_eq!(constraints.len(), count * (count - 1) / 2 + count);
+        let tables: Vec<_> = (0..count).map(|phone| simulation.truth_table(phone)).collect();
+        for second in 0..=900 {
+            let truth: Vec<_> = tables.iter().map(|table| table[second]).collect();
+            for constraint in &constraints {
+                match *constraint {
+                    Constraint::Distance { phones: (a, b), minimum_m, maximum_m } => {
+                        let distance = truth[a].position.distance_m(truth[b].position);
+                        assert!(
+                            (minimum_m..=maximum_m).contains(&distance),
+                            "{name}, {second} s: {distance} {constraint:?}"
+                        );
+                    }
+                    Constraint::VerticalVelocity { phone, maximum_mps } => {
+                        let frame = LocalFrame::at(truth[phone].position);
+                        let up = frame.vector_ecef_to_enu(truth[phone].velocity).up;
+                        assert!(up.abs() <= maximum_mps && maximum_mps < 0.8, "{name}, {second} s: {up}");
+                    }
+                    Constraint::Heading { .. } => panic!("not asked for"),
                 }
-                Constraint::VerticalVelocity { phone, maximum_mps } => {
-                    let frame = LocalFrame::at(truth[phone].position);
-                    let up = frame.vector_ecef_to_enu(truth[phone].velocity).up;
-                    assert!(up.abs() <= maximum_mps && maximum_mps < 0.8, "{second} s: {up}");
-                }
-                Constraint::Heading { .. } => panic!("not asked for"),
             }
         }
     }
+}
+
+#[test]
+fn bounds_within_a_car_leave_room_and_are_no_wider_than_a_car() {
+    for (name, scenario) in named() {
+        let simulation = simulation(scenario);
+        let phones = &simulation.scenario().phones;
+        for constraint in simulation.distance_constraints() {
+            let Constraint::Distance { phones: (a, b), minimum_m, maximum_m } = constraint else { continue };
+            let apart_m = phones[a].mount.distance_m(&phones[b].mount);
+            if phones[a].vehicle == phones[b].vehicle {
+                assert!(minimum_m == 0.0 && maximum_m <= 2.5, "{name}: {constraint:?}");
+                assert!(apart_m > 0.05 && maximum_m - apart_m >= 0.5, "{name}: {apart_m} {constraint:?}");
+            } else {
+                assert!(minimum_m > 0.0, "{name}: {constraint:?}");
+            }
+        }
+    }
+}
+
+/// Phones of one car are hidden from the same satellites and have the same reflections; their multipath is alike in part.
+#[test]
+fn phones_of_one_car_share_what_is_outside_it() {
+    let phone = |rank| PhoneOptions {
+        vehicle: 0,
+        starts_after_s: 0.0,
+        stops_before_s: 0.0,
+        epoch_offset_s: 0.0,
+        clock: ClockOptions::default(),
+        ..PhoneOptions::of_vehicle(rank)
+    };
+    let errors = ErrorModel { multipath_shared: 1.0, outliers_hz: 0.0, ..ErrorModel::default() };
+    let phones = vec![phone(0), PhoneOptions { starts_after_s: 5.0, ..phone(1) }];
+    let simulation = simulation(Scenario { phones, errors, ..Scenario::canyon(2) });
+    let (first, second) = (epochs(&simulation, 0), epochs(&simulation, 1));
+    let (mut faults, mut shared) = (0, 0);
+    for (a, b) in first.iter().skip(5).zip(&second) {
+        // The clocks drift apart, so that receptions differ by some nanoseconds.
+        assert!((a.truth.time_gps - b.truth.time_gps).abs() < 1e-4);
+        for fault in &a.faults {
+            faults += 1;
+            let same = b.faults.iter().find(|other| other.satellite == fault.satellite);
+            shared += i32::from(same.is_some_and(|other| (other.error_m - fault.error_m).abs() < 0.01));
+        }
+    }
+    // The second phone's antenna is weaker and loses some.
+    assert!(faults > 500 && f64::from(shared) > 0.8 * f64::from(faults), "{shared} of {faults}");
 }
 
 #[test]
@@ -131,7 +194,7 @@ fn the_sky_is_full_in_the_open_and_narrow_in_the_canyon() {
             let seen = satellites(&simulated);
             let systems: BTreeSet<Constellation> = seen.iter().map(|s| s.constellation).collect();
             if simulated.in_canyon {
-                canyon.push(seen.len());
+                canyon.push(seen.len() - simulated.faults.len());
             } else {
                 assert!(seen.len() >= 15 && systems.len() == 3, "{} of {systems:?}", seen.len());
                 open.push(seen.len());
@@ -145,8 +208,40 @@ fn the_sky_is_full_in_the_open_and_narrow_in_the_canyon() {
 }
 
 #[test]
-fn faults_begin_at_about_the_rate_asked() {
-    let simulation = simulation(Scenario::default());
+fn in_the_old_town_satellites_are_hidden_reflected_and_weak() {
+    let errors = ErrorModel { outliers_hz: 0.0, ..ErrorModel::default() };
+    let (mut reflected, mut seen, mut errors_m) = (0, 0, Vec::new());
+    let mut strength = [(0.0, 0); 2];
+    for seed in 1..=3 {
+        let simulation = simulation(Scenario { seed, errors, ..Scenario::canyon(4) });
+        for phone in 0..4 {
+            for simulated in simulation.epochs(phone) {
+                if simulated.in_canyon {
+                    seen += satellites(&simulated).len();
+                    reflected += simulated.faults.len();
+                    errors_m.extend(simulated.faults.iter().map(|fault| fault.error_m));
+                    for observation in &simulated.epoch.observations {
+                        let is_fault = simulated.faults.iter().any(|f| f.satellite == observation.satellite);
+                        let (sum, count) = &mut strength[usize::from(is_fault)];
+                        *sum += observation.cn0_dbhz.unwrap();
+                        *count += 1;
+                    }
+                }
+            }
+        }
+    }
+    let share = reflected as f64 / seen as f64;
+    assert!((0.03..0.4).contains(&share), "{share} by reflection only");
+    assert!(errors_m.iter().all(|error_m| (0.0..60.0).contains(error_m)), "late, by the width of a street");
+    let mean_m = errors_m.iter().sum::<f64>() / errors_m.len() as f64;
+    assert!((5.0..30.0).contains(&mean_m), "{mean_m}");
+    let [direct, by_reflection] = strength.map(|(sum, count)| sum / f64::from(count));
+    assert!(by_reflection < direct - 3.0, "{by_reflection} {direct} dB-Hz");
+}
+
+#[test]
+fn passing_reflections_begin_at_about_the_rate_asked() {
+    let simulation = simulation(Scenario { canyons: Vec::new(), ..Scenario::default() });
     let errors = simulation.scenario().errors;
     let (mut beginnings, mut expected) = (0, 0.0);
     for phone in 0..3 {
@@ -155,8 +250,7 @@ fn faults_begin_at_about_the_rate_asked() {
             let now: BTreeMap<_, _> = simulated.faults.iter().map(|f| (f.satellite, f.error_m)).collect();
             assert!(now.keys().all(|satellite| satellites(&simulated).contains(satellite)));
             beginnings += now.iter().filter(|(s, error)| before.get(*s) != Some(*error)).count();
-            let rate = if simulated.in_canyon { errors.outliers_canyon_hz } else { errors.outliers_open_hz };
-            expected += rate * (satellites(&simulated).len() - now.len()) as f64;
+            expected += errors.outliers_hz * (satellites(&simulated).len() - now.len()) as f64;
             before = now;
         }
     }

@@ -1,11 +1,13 @@
 //! What each part is worth: runs sessions through variants of the estimator, without Zenoh, and prints the horizontal
 //! 50th and 95th percentiles, mean over the phones.
 //!
-//!     cargo run --release -p cofix-hub --example variants -- tests/sessions/*.toml
+//!     cargo run --release --example variants -- DATA docs/reproduce/*.toml
+//!
+//! DATA is the folder to which the session files' paths are relative.
 //!
 //! A second table has the phones with two bands one by one: what each band and the ionosphere-free pair are worth to them.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -110,12 +112,15 @@ fn pairs(ionosphere: Ionosphere) -> PipelineOptions {
 }
 
 fn main() -> anyhow::Result<()> {
-    let paths: Vec<String> = std::env::args().skip(1).collect();
-    anyhow::ensure!(!paths.is_empty(), "name at least one SESSION.toml");
+    let mut arguments = std::env::args().skip(1);
+    let data =
+        PathBuf::from(arguments.next().context("name the folder of the data and at least one SESSION.toml")?);
+    let paths: Vec<String> = arguments.collect();
+    anyhow::ensure!(!paths.is_empty(), "name at least one SESSION.toml after the folder of the data");
     println!("| session | variant | wls p50/p95 m | local | joint |");
     println!("|:--------|:--------|:--------------|:------|:------|");
     for path in &paths {
-        let session = Session::read(Path::new(path))?;
+        let session = Session::read_with_data(Path::new(path), Some(&data))?;
         let plan = Plan::from_session(&session)?;
         let (products, _) = source::products(&plan.products)?;
         anyhow::ensure!(products.has_orbits(), "{path}: no orbits in its [products]");
@@ -125,15 +130,15 @@ fn main() -> anyhow::Result<()> {
             println!("| {} | {} | {} |", session.group, variant.name, cells.join(" | "));
         }
     }
-    bands(&paths)
+    bands(&data, &paths)
 }
 
 /// Phones whose recordings have both bands, each by itself.
-fn bands(paths: &[String]) -> anyhow::Result<()> {
+fn bands(data: &Path, paths: &[String]) -> anyhow::Result<()> {
     println!("\n| session | phone | signals | epochs of wls | wls p50/p95 m | local |");
     println!("|:--------|:------|:--------|--------------:|:--------------|:------|");
     for path in paths {
-        let session = Session::read(Path::new(path))?;
+        let session = Session::read_with_data(Path::new(path), Some(data))?;
         let plan = Plan::from_session(&session)?;
         let (products, _) = source::products(&plan.products)?;
         for variant in band_variants() {

@@ -1,4 +1,4 @@
-//! The demonstration: a simulated convoy, through the same path as a recorded session.
+//! The demonstration: a simulated group, through the same path as a recorded session.
 
 use std::sync::Arc;
 
@@ -11,9 +11,15 @@ use cofix_common::skips::Skips;
 use crate::engine::ScheduledConstraint;
 use crate::replay::{Plan, PlannedPhone};
 use crate::session::Settings;
+use crate::simulate::Kind;
 
 /// Truth rows of a simulation count as fixed.
-const QUALITY: u8 = 1;
+pub(crate) const QUALITY: u8 = 1;
+
+/// What the demonstration simulates: six phones in two cars, in and around an old town of narrow streets.
+pub fn scenario() -> Scenario {
+    Kind::Canyon.scenario(None)
+}
 
 /// A simulated scenario as a session: its phones, its products, and the constraints that its truth keeps.
 ///
@@ -48,6 +54,7 @@ fn phone(simulation: &Simulation, index: usize, name: &str) -> PlannedPhone {
         source: Source::Epochs(Arc::new(epochs)),
         truth: Some(Truth::from_points(rows, QUALITY)),
         recorded_corrections: false,
+        shift_weeks: None,
         exclude: Vec::new(),
     }
 }

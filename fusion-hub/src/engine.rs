@@ -128,6 +128,11 @@ impl Engine {
         FusedEpoch { time_gps, phones, actions, distances }
     }
 
+    /// Forgets all states: the next messages may be earlier than the last ones. The phones begin anew with their next solutions.
+    pub fn restart(&mut self) {
+        self.filter = JointFilter::new(self.options.filter);
+    }
+
     /// The constraints, in force or not.
     pub fn constraints(&self) -> &[ScheduledConstraint] {
         &self.constraints

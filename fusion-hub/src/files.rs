@@ -10,8 +10,15 @@ use crate::session::Session;
 /// All files that a session names, with the session file itself.
 pub fn inputs(file: &Path, session: &Session) -> Vec<Named> {
     let mut inputs = live_inputs(file, session);
-    for path in session.products.iter() {
-        inputs.push(Named::new("a product", path));
+    let products = &session.products;
+    for (what, paths) in [
+        ("the SP3 orbits", &products.sp3),
+        ("the clock file", &products.clock),
+        ("the bias file", &products.bias),
+        ("the ionosphere map", &products.ionex),
+        ("the navigation file", &products.navigation),
+    ] {
+        inputs.extend(paths.iter().map(|path| Named::new(what, path)));
     }
     for source in &session.settings.corrections.sources {
         if let CorrectionSource::File(path) = source {

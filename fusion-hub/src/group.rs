@@ -1,15 +1,19 @@
 //! One group at work: events in, fused epochs out, on one thread.
 
+mod losses;
 mod missing;
+mod steady;
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use cofix_agent::Stop;
+use cofix_agent::status::Moment;
+use cofix_agent::{Stop, source};
 use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
 
-use crate::align::Aligner;
+use crate::align::{Aligner, NoticeKind};
 use crate::engine::Engine;
 use crate::intake::{Answer, Arrival, Intake, Notice};
 use crate::network::{Event, HistoryQuestions, Receipts};
@@ -17,10 +21,16 @@ use crate::outputs::Outputs;
 use crate::recovery::Recovery;
 use crate::report::Report;
 
+use steady::Steady;
+
 /// How long the thread waits for an event before it looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
-/// How long agents that have ended may take to hear so.
-const FAREWELL: Duration = Duration::from_secs(10);
+/// How long agents that have ended and are still there may take to ask whether everything arrived: on a slow link the question takes a while.
+const FAREWELL: Duration = Duration::from_secs(30);
+/// How long agents that were told so may stay.
+const LINGER: Duration = Duration::from_secs(1);
+/// Most events that are taken in before the thread looks at the clock: who is late is decided when all that has come is known.
+const BATCH: usize = 256;
 /// Most events that are taken in after the request to stop.
 const LAST_EVENTS: usize = 10_000;
 
@@ -48,14 +58,16 @@ pub struct Group {
     history: HistoryQuestions,
     recovery: Recovery,
     outputs: Outputs,
-    start: Instant,
+    /// The time of what is being done, since the start.
+    now: Duration,
     /// When gaps were last looked at.
     recovered_at: Option<Duration>,
     /// By phone, how many epochs of agents that have ended are missing, and since when so many.
-    missing: Vec<Option<(u64, Instant)>>,
+    missing: Vec<Option<(u64, Duration)>>,
     /// By phone, whether an agent is there.
     alive: Vec<bool>,
     grace: Duration,
+    farewell: Duration,
 }
 
 /// The parts of a group.
@@ -85,6 +97,10 @@ impl Group {
     /// Puts a group together.
     pub fn new(mut parts: Parts) -> Self {
         let phones = parts.phones.len();
+        let recovery = match parts.course {
+            Course::Replay => Recovery::of_a_replay(),
+            Course::Live { .. } => Recovery::live(parts.aligner.maximum_wait()),
+        };
         parts.outputs.tally.schedule(parts.engine.constraints());
         Self {
             intake: Intake::new(&parts.phones),
@@ -95,19 +111,20 @@ impl Group {
             engine: parts.engine,
             receipts: parts.receipts,
             history: parts.history,
-            recovery: Recovery::new(parts.course != Course::Replay),
+            recovery,
             recovered_at: None,
             outputs: parts.outputs,
-            start: Instant::now(),
+            now: Duration::ZERO,
             missing: vec![None; phones],
             alive: vec![false; phones],
             grace: Self::GRACE,
+            farewell: FAREWELL,
         }
     }
 
-    /// Another time for stragglers than [`Group::GRACE`].
+    /// Another time for stragglers than [`Group::GRACE`], which agents that have ended may take for their last question too.
     pub fn with_grace(self, grace: Duration) -> Self {
-        Self { grace, ..self }
+        Self { grace, farewell: grace, ..self }
     }
 
     /// The phones' names.
@@ -120,17 +137,15 @@ impl Group {
     /// # Errors
     /// When an agent fails, a message is lost, or an output cannot be written.
     pub fn work(&mut self, events: &Receiver<Event>, stop: &Stop) -> anyhow::Result<()> {
+        let mut clock = Steady::start();
         while !self.is_over() && !stop.is_requested() {
-            match events.recv_timeout(TICK) {
-                Ok(event) => self.handle(event)?,
-                Err(RecvTimeoutError::Timeout) => {}
+            let first = match events.recv_timeout(TICK) {
+                Ok(event) => Some(event),
+                Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => break,
-            }
-            self.recover();
-            self.fuse_ready()?;
-            self.fuse_overdue()?;
-            self.outputs.tick();
-            self.check_stragglers()?;
+            };
+            let batch = first.into_iter().chain(events.try_iter().take(BATCH));
+            self.step(batch, clock.tick(), source::now())?;
         }
         if stop.is_requested() && self.course == Course::Replay {
             bail!("stopped before the end of the session");
@@ -146,11 +161,34 @@ impl Group {
         self.fuse_ready()
     }
 
+    /// Takes in what has happened by `now`, of the time since the start, and does what follows from it; `wall_gps` is the time by the
+    /// computer's clock.
+    ///
+    /// # Errors
+    /// When an agent fails, a message is lost, or an output cannot be written.
+    fn step(
+        &mut self,
+        events: impl Iterator<Item = Event>,
+        now: Duration,
+        wall_gps: GpsTime,
+    ) -> anyhow::Result<()> {
+        self.now = now;
+        for event in events {
+            self.handle(event)?;
+        }
+        self.recover();
+        self.fuse_ready()?;
+        self.fuse_overdue(wall_gps)?;
+        self.outputs.tick(Moment { now, wall_gps });
+        self.check_stragglers()
+    }
+
     /// Stays until agents that have ended know that everything is here, or some seconds: they ask, and go when they know.
     pub fn see_off(&mut self, events: &Receiver<Event>, stop: &Stop) {
         let start = Instant::now();
         let mut told_since: Option<Instant> = None;
-        while self.alive.iter().any(|alive| *alive) && start.elapsed() < FAREWELL && !stop.is_requested() {
+        while self.alive.iter().any(|alive| *alive) && start.elapsed() < self.farewell && !stop.is_requested()
+        {
             match events.recv_timeout(TICK) {
                 Ok(Event::Alive { phone, alive }) => self.note_alive(&phone, alive),
                 Err(RecvTimeoutError::Disconnected) => return,
@@ -158,7 +196,7 @@ impl Group {
             }
             if !self.all_told() {
                 told_since = None;
-            } else if told_since.get_or_insert_with(Instant::now).elapsed() > FAREWELL / 10 {
+            } else if told_since.get_or_insert_with(Instant::now).elapsed() > LINGER {
                 return;
             }
         }
@@ -271,7 +309,7 @@ impl Group {
 
     fn align(&mut self, phone: usize) {
         while let Some(message) = self.intake.next_ready(phone) {
-            self.aligner.push(phone, message, self.start.elapsed());
+            self.aligner.push(phone, message, self.now);
         }
     }
 
@@ -290,7 +328,6 @@ impl Group {
                         arrival.phone
                     );
                 }
-                self.aligner.arrive(phone, self.start.elapsed());
                 tracing::info!("{}: agent started: {summary}", arrival.phone);
                 self.outputs.expect(self.intake.expected());
                 // It may have finished too.
@@ -314,14 +351,10 @@ impl Group {
         };
         self.note_alive(phone, alive);
         tracing::info!("{phone}: agent {}", if alive { "is here" } else { "is gone" });
-        let now = self.start.elapsed();
         if alive {
-            self.recovery.appeared(index, now);
+            self.recovery.appeared(index, self.now);
         } else {
             self.recovery.disappeared(index);
-        }
-        if alive && !self.intake.is_complete(index) {
-            self.aligner.arrive(index, now);
         }
         // Its last epochs are ahead of the loss of its token only on the same link; in a replay its end is known exactly.
         if !alive && self.course != Course::Replay {
@@ -345,17 +378,30 @@ impl Group {
         Ok(())
     }
 
-    fn fuse_overdue(&mut self) -> anyhow::Result<()> {
+    fn fuse_overdue(&mut self, wall_gps: GpsTime) -> anyhow::Result<()> {
         if self.course == Course::Replay {
             return Ok(());
         }
-        while self.aligner.drop_silent(self.start.elapsed()) {
+        loop {
+            let goes_on = self.aligner.go_on(self.now, Some(wall_gps));
+            let notices = self.aligner.notices();
+            for notice in &notices {
+                let name = self.phones.get(notice.phone).map_or("?", String::as_str);
+                tracing::warn!("{name}: {}", notice.text);
+                if matches!(notice.kind, NoticeKind::Silent | NoticeKind::Behind) {
+                    self.give_up_gaps(notice.phone);
+                }
+            }
+            if self.aligner.went_back() {
+                self.engine.restart();
+            }
+            if !goes_on && notices.is_empty() {
+                return Ok(());
+            }
             self.fuse_ready()?;
         }
-        for notice in self.aligner.notices() {
-            let name = self.phones.get(notice.phone).map_or("?", String::as_str);
-            tracing::warn!("{name}: {}", notice.text);
-        }
-        Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -36,6 +36,9 @@ pub struct Finished {
     pub error: Option<String>,
 }
 
+/// Why epochs that an agent published are missing.
+pub const NOT_ARRIVED: &str = "published epochs did not arrive";
+
 /// The hub's desk for arrivals.
 #[derive(Debug)]
 pub struct Intake {

@@ -24,3 +24,5 @@ pub mod replay;
 pub mod report;
 pub mod scores;
 pub mod session;
+pub mod simulate;
+pub mod status;

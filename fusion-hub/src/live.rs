@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use cofix_agent::Stop;
+use cofix_agent::status::Moment;
+use cofix_agent::{Stop, source};
 use zenoh::qos::CongestionControl;
 
 use crate::align::{AlignOptions, Aligner};
@@ -54,6 +55,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     if let Some(path) = &options.positions {
         outputs.write_positions_to(path, options.overwrite)?;
     }
+    outputs.show_status(Moment { now: Duration::ZERO, wall_gps: source::now() });
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
     let mut group = Group::new(Parts {
         name: session.group.clone(),
@@ -73,8 +75,13 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
         group.report().1.keep(&error);
         return Err(error);
     }
-    let outcome =
+    let mut outcome =
         outcome(&mut group, &truth_skips, SettingsReport::new(&session.settings, &session.truth_quality));
+    let losses = group.losses();
+    outcome.failure = match (outcome.failure.take(), losses) {
+        (Some(failure), Some(losses)) => Some(format!("{failure}; {losses}")),
+        (failure, losses) => failure.or(losses),
+    };
     // Nobody takes events any more: Zenoh's threads must not wait for that.
     drop(events);
     network.close()?;

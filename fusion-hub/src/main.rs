@@ -10,13 +10,13 @@ use arguments::{OutputArguments, conclude};
 use clap::{Parser, Subcommand};
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
-use cofix_common::simulation::Scenario;
 use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
 use cofix_hub::align::AlignOptions;
 use cofix_hub::files::{inputs, live_inputs};
 use cofix_hub::live::{self, LiveOptions};
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_hub::session::Session;
+use cofix_hub::simulate::{self, simulate};
 
 /// Where the demonstration is recorded.
 const DEMO_RECORDING: &str = "cofix-demo.rrd";
@@ -37,13 +37,16 @@ enum Command {
     Run {
         /// Session file: group, phones, constraints
         session: PathBuf,
+        /// Folder to which the session file's paths are relative [default: its own]
+        #[arg(long, value_name = "DIR")]
+        data: Option<PathBuf>,
         /// Zenoh endpoint to listen on; may be repeated
         #[arg(long, value_name = "ENDPOINT", default_value = "tcp/0.0.0.0:7447")]
         listen: Vec<String>,
         /// End when the agents of all phones have finished, instead of on Ctrl-C
         #[arg(long)]
         until_finished: bool,
-        /// How long a phone may be silent before the others go on without it; it may lag by twice as much
+        /// Longest wait for a phone: an epoch of the others waits so long after its arrival, then they go on without that phone
         #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = latency)]
         latency: f64,
         #[command(flatten)]
@@ -53,17 +56,23 @@ enum Command {
     Replay {
         /// Session file with observations for every phone
         session: PathBuf,
+        /// Folder to which the session file's paths are relative [default: its own]
+        #[arg(long, value_name = "DIR")]
+        data: Option<PathBuf>,
         /// 'max', or times the recorded speed (1 = as recorded)
         #[arg(long, default_value = "max")]
         speed: Speed,
         #[command(flatten)]
         outputs: OutputArguments,
     },
-    /// A simulated convoy of three phones, without any input; it is recorded to cofix-demo.rrd unless told otherwise
+    /// Six simulated phones in two cars in and around an urban canyon, without any input; recorded to cofix-demo.rrd
+    /// unless told otherwise
     Demo {
         #[command(flatten)]
         outputs: OutputArguments,
     },
+    /// Write a simulated scenario as files: observations, navigation messages, truth, and a session to replay
+    Simulate(simulate::Arguments),
 }
 
 /// Seconds between a tenth and an hour.
@@ -79,7 +88,9 @@ fn main() -> ExitCode {
     // A live hub tells who comes and goes; elsewhere only what is wrong is said.
     let (usual, lines) = match arguments.command {
         Command::Run { .. } => (LevelFilter::INFO, Lines::Timed),
-        Command::Replay { .. } | Command::Demo { .. } => (LevelFilter::WARN, Lines::Plain),
+        Command::Replay { .. } | Command::Demo { .. } | Command::Simulate(_) => {
+            (LevelFilter::WARN, Lines::Plain)
+        }
     };
     start_log(arguments.verbosity, usual, lines);
     cofix_console::conclude(run_until_asked_to_end(move |stop| execute(arguments.command, stop)))
@@ -87,27 +98,31 @@ fn main() -> ExitCode {
 
 fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
     match command {
-        Command::Run { session: file, listen, until_finished, latency, outputs } => {
-            let session = Session::read(&file)?;
+        Command::Run { session: file, data, listen, until_finished, latency, outputs } => {
+            let session = Session::read_with_data(&file, data.as_deref())?;
             let read = live_inputs(&file, &session);
-            let report = outputs.prepare(&inputs(&file, &session), read, folder(&file))?;
+            let report = outputs.prepare(&inputs(&file, &session), read, folder(&file, data.as_deref()))?;
             let align = AlignOptions::with_latency(Duration::from_secs_f64(latency));
             let OutputArguments { recording, positions, overwrite, .. } = outputs;
             let options = LiveOptions { listen, recording, positions, overwrite, until_finished, align };
             conclude(live::run(&session, &options, stop)?, report)
         }
-        Command::Replay { session: file, speed, outputs } => {
-            let session = Session::read(&file)?;
+        Command::Replay { session: file, data, speed, outputs } => {
+            let session = Session::read_with_data(&file, data.as_deref())?;
             let inputs = inputs(&file, &session);
-            let report = outputs.prepare(&inputs, inputs.clone(), folder(&file))?;
+            let report = outputs.prepare(&inputs, inputs.clone(), folder(&file, data.as_deref()))?;
             let plan = Plan::from_session(&session)?;
             conclude(replay(&plan, &replay_options(outputs, speed), stop)?, report)
         }
         Command::Demo { mut outputs } => {
             outputs.recording.get_or_insert_with(|| DEMO_RECORDING.into());
             let report = outputs.prepare(&[], Vec::new(), Path::new(""))?;
-            let plan = cofix_hub::demo::plan(Scenario::default())?;
+            let plan = cofix_hub::demo::plan(cofix_hub::demo::scenario())?;
             conclude(replay(&plan, &replay_options(outputs, Speed::Maximum), stop)?, report)
+        }
+        Command::Simulate(arguments) => {
+            let session = simulate(&arguments, stop)?;
+            cofix_console::print(&format!("Session: {}\n", session.display()))
         }
     }
 }
@@ -117,7 +132,7 @@ fn replay_options(outputs: OutputArguments, speed: Speed) -> ReplayOptions {
     ReplayOptions { recording, positions, overwrite, speed, progress: true }
 }
 
-/// Where a session file lies.
-fn folder(file: &Path) -> &Path {
-    file.parent().unwrap_or(Path::new(""))
+/// The folder to which a session file's paths are relative.
+fn folder<'a>(file: &'a Path, data: Option<&'a Path>) -> &'a Path {
+    data.or(file.parent()).unwrap_or(Path::new(""))
 }

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use cofix_agent::files::{Named, OutputFile};
+use cofix_agent::status::Moment;
 use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::wire::FusedMessage;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -17,6 +18,7 @@ use crate::positions::PositionTable;
 use crate::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
 use crate::report::{Report, SCHEMA, Tally};
 use crate::scores::Scores;
+use crate::status::Status;
 use recording::RecordingFile;
 
 /// All consumers of fused epochs.
@@ -27,6 +29,7 @@ pub struct Outputs {
     positions: Option<(PositionTable<OutputFile>, PathBuf)>,
     failure: Option<String>,
     progress: ProgressBar,
+    status: Option<Status>,
     /// Positions to be scored.
     pub scores: Scores,
     /// Counts.
@@ -43,6 +46,7 @@ impl Outputs {
             positions: None,
             failure: None,
             progress: ProgressBar::hidden(),
+            status: None,
             scores,
             tally: Tally::new(names),
         }
@@ -69,15 +73,23 @@ impl Outputs {
         Ok(())
     }
 
-    /// Writes the recording every `age` or so, not only when there is much.
+    /// Records a live session: the recording is written every `age` or so, not only when there is much, and left when it is not whole.
     pub fn write_recording_after(&mut self, age: Duration) {
         if let Some(file) = &mut self.recorder {
-            file.recorder().write_after(age);
+            file.keep_live(age);
         }
     }
 
+    /// Says how the phones are, in lines on a terminal or in the log.
+    pub fn show_status(&mut self, moment: Moment) {
+        self.status = Some(Status::new(&self.names, moment));
+    }
+
     /// Looks at the clock.
-    pub fn tick(&mut self) {
+    pub fn tick(&mut self, moment: Moment) {
+        if let Some(status) = &mut self.status {
+            status.look(moment);
+        }
         self.with_recorder(Recorder::tick);
     }
 
@@ -92,7 +104,7 @@ impl Outputs {
         if let Err(error) = work(file.recorder())
             && let Some(file) = self.recorder.take()
         {
-            self.fail(file.keep(&error));
+            self.fail(file.give_up(&error));
         }
     }
 
@@ -150,6 +162,9 @@ impl Outputs {
     /// When Zenoh refuses.
     pub fn push(&mut self, epoch: &FusedEpoch) -> anyhow::Result<()> {
         self.tally.push(epoch);
+        if let Some(status) = &mut self.status {
+            status.epoch(epoch);
+        }
         self.scores.push(epoch);
         for (name, phone) in self.names.iter().enumerate() {
             if let Some(message) = fused_message(epoch, name, phone) {
@@ -169,6 +184,7 @@ impl Outputs {
     /// Ends the progress bar, the table of positions, and the recording, into which the text goes.
     pub fn finish(&mut self, text: &str) -> Finished {
         self.progress.finish_and_clear();
+        self.status = None;
         let positions = self.finish_positions();
         let recording = self.recorder.take().and_then(|file| match file.finish(text) {
             Ok(recorded) => Some(recorded),
@@ -206,7 +222,7 @@ impl Outputs {
         self.progress.finish_and_clear();
         self.finish_positions();
         if let Some(file) = self.recorder.take() {
-            self.fail(file.keep(why));
+            self.fail(file.give_up(why));
         }
     }
 }

@@ -4,17 +4,19 @@
 //! - An agent that appears is asked what it keeps of its run and what it has said of itself, until it answers.
 //! - A gap in a run that does not close by itself within a moment is asked for, in portions, one at a time; again when an answer ends
 //!   without progress.
-//! - What the agent says that it does not keep any more is given up; so is, live, a gap that stays for [`PATIENCE`] without progress.
+//! - What the agent says that it does not keep any more is given up; so is, live, a gap before later epochs that stays without progress for
+//!   as long as the group waits for a phone.
 //!
-//! The group waits for phones whose gaps are being closed ([`Recovery::expected`]), so it fuses nothing newer meanwhile.
+//! The group waits for a phone whose gap is being closed as for any other ([`crate::align`]). For one that it does not wait for, a gap that takes
+//! longer than that ([`Recovery::slow`]) is given up: its newest epochs count.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use crate::intake::{Gap, Intake};
 
-/// A gap without progress is left alone, or given up when later epochs wait for it, after this.
-pub const PATIENCE: Duration = Duration::from_secs(10);
+/// An agent that does not say what it keeps is not asked any more after this.
+const PATIENCE: Duration = Duration::from_secs(10);
 /// So long a gap may take to close by itself: messages may be on their way.
 const SETTLING: Duration = Duration::from_millis(100);
 /// A question that has brought nothing is asked again after this.
@@ -64,6 +66,8 @@ struct Repair {
     /// Where it begins, and since when.
     from: u64,
     since: Duration,
+    /// Since when there is a gap in the run.
+    begun: Duration,
     /// When it was last asked for, and where it began then.
     asked: Option<(Duration, u64)>,
     /// Whether the answer goes on.
@@ -75,13 +79,19 @@ struct Repair {
 pub struct Recovery {
     introductions: BTreeMap<usize, Introduction>,
     repairs: BTreeMap<(usize, String), Repair>,
-    gives_up: bool,
+    /// After how long without progress a gap is given up; `None`: never.
+    patience: Option<Duration>,
 }
 
 impl Recovery {
-    /// Live, gaps that cannot be closed are given up; in a replay they are an error, found at the end.
-    pub const fn new(is_live: bool) -> Self {
-        Self { introductions: BTreeMap::new(), repairs: BTreeMap::new(), gives_up: is_live }
+    /// Gaps that cannot be closed are given up after `patience`, as long as the group waits for a phone.
+    pub const fn live(patience: Duration) -> Self {
+        Self { introductions: BTreeMap::new(), repairs: BTreeMap::new(), patience: Some(patience) }
+    }
+
+    /// Gaps that cannot be closed are an error, found at the end.
+    pub const fn of_a_replay() -> Self {
+        Self { introductions: BTreeMap::new(), repairs: BTreeMap::new(), patience: None }
     }
 
     /// The phone's agent appeared.
@@ -106,10 +116,11 @@ impl Recovery {
         }
     }
 
-    /// The phones of which epochs are on their way.
-    pub fn expected(&self, now: Duration) -> impl Iterator<Item = usize> {
-        let patient = move |repair: &Repair| now.saturating_sub(repair.since) < PATIENCE;
-        self.repairs.iter().filter(move |(_, repair)| patient(repair)).map(|((phone, _), _)| *phone)
+    /// The phones with gaps that are being closed for longer than the group waits for a phone.
+    pub fn slow(&self, now: Duration) -> Vec<usize> {
+        let Some(patience) = self.patience else { return Vec::new() };
+        let slow = self.repairs.iter().filter(|(_, repair)| now.saturating_sub(repair.begun) >= patience);
+        slow.map(|((phone, _), _)| *phone).collect()
     }
 
     /// What is to be done at `now`.
@@ -119,8 +130,8 @@ impl Recovery {
         for (phone, sender, gap) in intake.gaps() {
             let key = (phone, sender.to_owned());
             let known = self.repairs.remove(&key);
-            let mut repair =
-                known.unwrap_or(Repair { from: gap.from, since: now, asked: None, pending: false });
+            let new = Repair { from: gap.from, since: now, begun: now, asked: None, pending: false };
+            let mut repair = known.unwrap_or(new);
             steps.extend(self.step(&key, gap, &mut repair, now));
             repairs.insert(key, repair);
         }
@@ -155,7 +166,7 @@ impl Recovery {
         if gap.kept_from > gap.from && (repair.asked.is_some() || age >= SETTLING) {
             return give_up(gap.kept_from.min(gap.to), "its agent does not keep them any more");
         }
-        if age >= PATIENCE && self.gives_up && gap.waited_on {
+        if gap.waited_on && self.patience.is_some_and(|patience| age >= patience) {
             return give_up(gap.to, "its agent was asked and did not send them");
         }
         let may_ask = match repair.asked {

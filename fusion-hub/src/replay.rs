@@ -6,13 +6,17 @@ use std::path::{Path, PathBuf};
 use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
-use cofix_agent::masks::MaskError;
+use cofix_agent::masks::{LogOptions, MaskError};
 use cofix_agent::pipeline::PipelineOptions;
-use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop, source};
+use cofix_agent::source::{self, Reading};
+use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
 use cofix_common::accuracy::Truth;
-use cofix_common::gsdc;
+use cofix_common::decode::Record;
 use cofix_common::measurement::Exclusion;
+use cofix_common::rinex::decompress;
 use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+use cofix_common::{gnsslogger, gsdc, whu};
 use zenoh::qos::CongestionControl;
 
 use crate::align::{AlignOptions, Aligner};
@@ -59,6 +63,8 @@ pub struct PlannedPhone {
     pub truth: Option<Truth>,
     /// Whether its recording's own satellite states and delays are taken, where it has them.
     pub recorded_corrections: bool,
+    /// Weeks to add to its times, in place of those of the session.
+    pub shift_weeks: Option<i64>,
     /// What is not used of it, beside what the settings exclude for all phones.
     pub exclude: Vec<Exclusion>,
 }
@@ -125,6 +131,15 @@ impl Plan {
         options.correction.exclude.extend(&phone.exclude);
         Ok(options)
     }
+
+    /// How a phone's log is read.
+    ///
+    /// # Errors
+    /// A mask that makes no sense.
+    fn log(&self, phone: &PlannedPhone) -> Result<gnsslogger::Options, MaskError> {
+        let Settings { log, masks, .. } = &self.settings;
+        LogOptions { shift_weeks: phone.shift_weeks.or(log.shift_weeks), ..log.clone() }.with(masks)
+    }
 }
 
 fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<PlannedPhone> {
@@ -143,6 +158,7 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
         source,
         truth,
         recorded_corrections: phone.recorded_corrections,
+        shift_weeks: phone.shift_weeks,
         exclude: phone.exclude.clone(),
     })
 }
@@ -171,7 +187,7 @@ pub fn read_truths_counted(phones: &[SessionPhone]) -> anyhow::Result<(NamedTrut
             None => None,
             Some(path) => match known.get(path) {
                 Some(truth) => Some(truth.clone()),
-                None => Some(known.entry(path).or_insert(read_truth(path, &mut skips)?).clone()),
+                None => Some(known.entry(path).or_insert(read_truth(path, phone, &mut skips)?).clone()),
             },
         };
         truths.push((phone.name.clone(), truth));
@@ -179,14 +195,50 @@ pub fn read_truths_counted(phones: &[SessionPhone]) -> anyhow::Result<(NamedTrut
     Ok((truths, skips))
 }
 
-fn read_truth(path: &Path, skips: &mut Skips) -> anyhow::Result<Truth> {
-    let bytes =
-        std::fs::read(path).with_context(|| format!("{}: cannot read the truth file", path.display()))?;
-    let read = if gsdc::is_ground_truth(&bytes) { gsdc::ground_truth } else { Truth::parse_csv };
-    let (truth, skipped) =
-        read(&bytes).with_context(|| format!("{}: not usable as truth", path.display()))?;
+/// Reads a phone's truth of any kind; one whose table has no week takes it from the phone's date or recording.
+fn read_truth(path: &Path, phone: &SessionPhone, skips: &mut Skips) -> anyhow::Result<Truth> {
+    let unreadable = || format!("{}: cannot read the truth file", path.display());
+    let bytes = std::fs::read(path).with_context(unreadable)?;
+    let bytes = decompress(&bytes).with_context(unreadable)?;
+    let read = if gsdc::is_ground_truth(&bytes) {
+        gsdc::ground_truth(&bytes)
+    } else if whu::is_truth_table(&bytes) {
+        let near = recorded_near(phone)
+            .with_context(|| format!("{}: the table has seconds of week and no week", path.display()))?;
+        whu::truth_table(&bytes, near)
+    } else {
+        Truth::parse_csv(&bytes)
+    };
+    let (truth, skipped) = read.with_context(|| format!("{}: not usable as truth", path.display()))?;
     merge_named(skips, "truth", &skipped, &path.display().to_string());
     Ok(truth)
+}
+
+/// An instant near a phone's recording: the date of the session file, else the recording's first epoch.
+fn recorded_near(phone: &SessionPhone) -> anyhow::Result<GpsTime> {
+    if let Some(date) = phone.date {
+        return Ok(date);
+    }
+    let advice = || format!("write `date = \"YYYY-MM-DDThh:mm:ss\"` for phone '{}'", phone.name);
+    let path = phone
+        .observations
+        .as_deref()
+        .ok_or_else(|| anyhow!("no observations tell it"))
+        .with_context(advice)?;
+    let log =
+        gnsslogger::Options { shift_weeks: phone.shift_weeks.unwrap_or(0), ..gnsslogger::Options::default() };
+    let mut records = source::open_file(path, &Reading { near: None, log }).with_context(advice)?;
+    loop {
+        let record = records
+            .next(&Stop::default())
+            .with_context(|| path.display().to_string())
+            .with_context(advice)?;
+        match record {
+            Some(Record::Epoch(epoch)) => return Ok(epoch.time_gps),
+            Some(_) => {}
+            None => bail!("{}: no epoch tells it; {}", path.display(), advice()),
+        }
+    }
 }
 
 /// Adds counts under the name of what was being done, and the place to the first instances.
@@ -222,7 +274,7 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
             connect: connect.clone(),
             speed: options.speed,
             corrections: plan.settings.corrections.clone(),
-            log: plan.settings.log.with(&plan.settings.masks)?,
+            log: plan.log(phone)?,
             pipeline: plan.pipeline(phone)?,
             ..AgentConfig::new(&plan.group, &phone.name, phone.source.clone())
         };
@@ -337,6 +389,45 @@ pub(crate) fn outcome(group: &mut Group, more_skips: &Skips, settings: SettingsR
 mod tests {
     use super::*;
 
+    const TRUTH_WITHOUT_WEEK: &str =
+        "GPSTime Latitude Longitude H-Ell Vel-N Vel-E Vel-U Q\n397140.0 30 114 20 0 0 0 1\n";
+    const LOG: &str = "{\"obsd_t\":{\"d\":[{\"prn\":7,\"type\":\"L1C\",\"p\":2.2E7}],\"t\":{\"year\":2020,\"month\":8,\"day\":13,\
+                       \"hour\":14,\"minute\":19,\"sec\":0.0}}}\n";
+
+    #[test]
+    fn a_truth_without_a_week_takes_it_from_the_date_or_the_recording() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let truth = file("truth.txt", TRUTH_WITHOUT_WEEK);
+        let log = file("log.txt", LOG);
+        let week_of = |observations: Option<&PathBuf>, date: Option<GpsTime>| {
+            let phone = SessionPhone {
+                name: "a".to_owned(),
+                observations: observations.cloned(),
+                truth: Some(truth.clone()),
+                recorded_corrections: false,
+                shift_weeks: None,
+                date,
+                exclude: Vec::new(),
+            };
+            let truths = read_truths(&[phone]).map_err(|error| format!("{error:#}"))?;
+            Ok::<_, String>(truths[0].1.as_ref().unwrap().span().unwrap().0.week())
+        };
+        assert_eq!(week_of(Some(&log), None), Ok(2118));
+        assert_eq!(week_of(Some(&log), Some(GpsTime::from_week_tow(2119, 300_000.0))), Ok(2119));
+        let said = week_of(None, None).unwrap_err();
+        assert!(
+            said.contains("truth.txt: the table has seconds of week") && said.contains("date ="),
+            "{said}"
+        );
+        let said = week_of(Some(&file("empty.txt", "\n")), None).unwrap_err();
+        assert!(said.contains("empty.txt") && said.contains("date ="), "{said}");
+    }
+
     #[test]
     fn what_is_excluded_of_one_phone_comes_to_what_is_excluded_of_all() {
         let text = "group = 'g'\n[[phone]]\nname = 'a'\nobservations = 'a'\nexclude = ['C:1C']\n[[phone]]\nname = 'b'\nobservations = 'b'\n[masks]\nexclude = ['E']";
@@ -363,6 +454,7 @@ mod tests {
             observations: None,
             truth: Some(path.clone()),
             recorded_corrections: false,
+            shift_weeks: None,
             date: None,
             exclude: Vec::new(),
         };

@@ -11,11 +11,14 @@
 //! [[phone]]
 //! name = "HP30"                       # unique within the group
 //! observations = "HP30.rnx"           # needed by `replay`, ignored by `run`
-//! truth = "HP30.truth.csv"            # optional: the phone is scored against it; or a challenge's ground_truth.csv
-//! date = "2020-08-13T14:00:00"        # optional, for RTCM 3 without products: an instant within three days of the beginning
+//! truth = "HP30.truth.csv"            # optional: the phone is scored against it; or a challenge's ground_truth.csv, or a truth table of
+//!                                     # the WHU-Smartphone dataset
+//! date = "2020-08-13T14:00:00"        # optional, for RTCM 3 without products, and for a truth without a week: an instant within three days
+//!                                     # of the beginning
 //! exclude = ["E12"]                 # optional: not used of this phone, beside what [masks] excludes for all
 //! recorded_corrections = false        # true: the satellite states and delays of its own recording (challenge tables) in
 //!                                     # place of the products', which need not be named then
+//! shift_weeks = 1024                  # optional: weeks to add to its times, where its week was not rolled over; before [log]'s
 //! [[constraint]]
 //! kind = "distance"                   # every pair of the named phones
 //! phones = ["HP30"]                   # default: all; every constraint has it
@@ -51,9 +54,10 @@
 //! keep_untimed = false                # use times of transmission that no state bit vouches for
 //! keep_invalid_phase = false
 //! bias_reference = "each-epoch"       # or "first-epoch"
+//! shift_weeks = 0                     # weeks to add to the times of all phones, of RINEX and tables too
 //! ```
 //!
-//! Paths are relative to the file. Unknown keys are errors.
+//! Paths are relative to the file, or to a folder that is named when it is read. Unknown keys are errors.
 
 mod advice;
 mod rules;
@@ -146,6 +150,8 @@ pub struct SessionPhone {
     pub truth: Option<PathBuf>,
     /// Whether its recording's own satellite states and delays are taken, where it has them.
     pub recorded_corrections: bool,
+    /// Weeks to add to its times, in place of those of the session.
+    pub shift_weeks: Option<i64>,
     /// An instant within three days of the recording's beginning.
     pub date: Option<GpsTime>,
     /// What is not used of it, beside what the masks exclude for all phones.
@@ -182,14 +188,26 @@ pub enum SessionError {
 }
 
 impl Session {
-    /// Reads a session file.
+    /// Reads a session file. Its paths are relative to its own folder.
     ///
     /// # Errors
     /// See [`SessionError`].
     pub fn read(path: &Path) -> Result<Self, SessionError> {
+        Self::read_with_data(path, None)
+    }
+
+    /// Reads a session file whose paths are relative to the folder `data`; to its own without one.
+    ///
+    /// # Errors
+    /// See [`SessionError`].
+    pub fn read_with_data(path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
         let text = std::fs::read_to_string(path)
             .map_err(|cause| SessionError::Read { path: path.to_owned(), cause })?;
-        Self::parse(&text, path)
+        if let Some(folder) = data.filter(|folder| !folder.is_dir()) {
+            let reason = format!("its data should lie in {}, which is no folder", folder.display());
+            return Err(SessionError::Invalid { path: path.to_owned(), reason });
+        }
+        Self::parse_with_data(&text, path, data)
     }
 
     /// Reads the text of a session file that lies at `path`.
@@ -197,11 +215,15 @@ impl Session {
     /// # Errors
     /// See [`SessionError`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, SessionError> {
+        Self::parse_with_data(text, path, None)
+    }
+
+    fn parse_with_data(text: &str, path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
         let file: text::SessionFile = toml::from_str(text).map_err(|error| SessionError::Text {
             path: path.to_owned(),
             message: with_advice(&error, text),
         })?;
-        let folder = path.parent().unwrap_or(Path::new(""));
+        let folder = data.or(path.parent()).unwrap_or(Path::new(""));
         check(file, folder).map_err(|reason| SessionError::Invalid { path: path.to_owned(), reason })
     }
 
@@ -244,6 +266,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
             observations: phone.observations.map(at),
             truth: phone.truth.map(at),
             recorded_corrections: phone.recorded_corrections,
+            shift_weeks: phone.shift_weeks,
             exclude: phone.exclude,
         })
     };

@@ -3,6 +3,7 @@
 
 #[path = "../../agent/tests/limits/mod.rs"]
 pub mod limits;
+pub mod slow_link;
 
 use std::time::Duration;
 

@@ -19,6 +19,7 @@ use cofix_common::wire::{
 };
 use cofix_hub::group::Course;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
+use cofix_tests::slow_link::SlowLink;
 use cofix_tests::{Hub, agent_config, limits, plan_of, run_agents, small_plan, start_agent};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
@@ -429,6 +430,27 @@ fn an_agent_without_a_hub_says_so() {
     config.connect = vec!["nonsense".to_owned()];
     let error = start_agent(config).join().unwrap().unwrap_err().to_string();
     assert!(error.contains("nonsense"), "{error}");
+}
+
+#[test]
+fn an_agent_on_a_delayed_link_knows_that_its_epochs_are_fused() {
+    let plan = small_plan(1, 30.0).unwrap();
+    let hub = Hub::start(&plan, Course::Live { until_finished: true }).unwrap();
+    let link = SlowLink::to(&hub.endpoints[0]).unwrap();
+    let mut publication = publication(&plan, 0, std::slice::from_ref(&link.endpoint));
+    // An answer takes three seconds, much longer than the agent's patience without a connection.
+    link.set_delay(Duration::from_millis(1_500));
+    let sent = messages(&plan, 0);
+    for message in &sent {
+        publication.epoch(message).unwrap();
+    }
+    let epochs_published = sent.len() as u64;
+    let skips = Skips::default();
+    publication.status(PhoneStatus::Finished { epochs_published, skips, error: None }).unwrap();
+    let confirmed = publication.wait_for_receipt(Duration::from_millis(500), &Stop::default());
+    assert_eq!(confirmed, Some(epochs_published));
+    publication.close().unwrap();
+    assert_eq!(hub.join().unwrap().phones["SIM1"].epochs, epochs_published);
 }
 
 /// Waits until a hub has published so many fused states.

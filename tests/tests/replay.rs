@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cofix_agent::{ProductFiles, ProductSource, Source, Speed, Stop};
+use cofix_common::constraint::Constraint;
 use cofix_common::orbit::Products;
 use cofix_common::rinex::NavigationFile;
 use cofix_common::simulation::PhoneOptions;
@@ -168,6 +169,38 @@ fn a_replay_that_is_aborted_leaves_nothing_behind() {
     assert!(thread.join().unwrap().unwrap_err().to_string().contains("stopped"));
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
     assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn what_a_phone_missed_that_came_late_counts() {
+    let plan = plan_of(vec![phone(0, 0.0, 0.0), phone(1, 40.0, 0.0)], 80.0).unwrap();
+    let report = run(&plan).unwrap().report;
+    for methods in [&report.methods.wls, &report.methods.local, &report.methods.joint] {
+        let late = methods["SIM2"].unwrap();
+        assert!((0.4..0.6).contains(&late.availability), "{late:?}");
+        assert!(late.availability_in_recording > 0.95, "{late:?}");
+        assert!(methods["SIM1"].unwrap().availability > 0.95);
+    }
+    let found = report.attention.iter().find(|finding| finding.kind == "phone-part-of-the-time").unwrap();
+    assert_eq!(found.phones, ["SIM2"]);
+}
+
+#[test]
+fn what_is_wrong_without_stopping_a_run_is_said() {
+    let mut plan = small_plan(2, 30.0).unwrap();
+    plan.phones[1].source = plan.phones[0].source.clone();
+    for scheduled in &mut plan.constraints {
+        let is_distance = matches!(scheduled.constraint, Constraint::Distance { .. });
+        scheduled.to_gps = is_distance.then_some("2001-01-01T00:00:00".parse().unwrap());
+    }
+    let outcome = run(&plan).unwrap();
+    let kinds: Vec<&str> = outcome.report.attention.iter().map(|finding| finding.kind).collect();
+    for kind in ["same-observations", "constraint-never-in-force"] {
+        assert!(kinds.contains(&kind), "{kinds:?}");
+    }
+    let distance = &outcome.report.constraints["distance SIM1 SIM2"];
+    assert_eq!((distance.epochs_in_window, distance.acted), (0, 0));
+    assert_eq!(distance.to_gps.as_deref(), Some("2001-01-01T00:00:00.000"));
 }
 
 #[test]

@@ -173,11 +173,14 @@ impl Contents {
         self.info.glonass_channels.extend(decoder.glonass_channels());
         // What events changed in the header is written where they stand.
         if let Some(header) = decoder.first_header() {
-            fill(&mut self.info.marker_name, &header.marker_name);
-            fill(&mut self.info.receiver_type, &header.receiver_type);
+            if self.info.marker_name.is_empty() {
+                self.info.marker_name.clone_from(&header.marker_name);
+            }
             self.info.approximate_position = self.info.approximate_position.or(header.approximate_position);
         }
-        self.info.approximate_position = self.info.approximate_position.or(decoder.station());
+        self.info.equipment.fill(&decoder.equipment());
+        self.info.approximate_position =
+            self.info.approximate_position.or_else(|| decoder.approximate_position());
         let skips = records.skips();
         if self.epochs == epochs_before && navigation.is_empty() && !stop.is_requested() {
             return Err(source::no_epoch(&path.display().to_string(), &skips));
@@ -192,12 +195,6 @@ impl Contents {
         let skips = file.skips.clone();
         self.navigation.add_file(file);
         Ok(skips)
-    }
-}
-
-fn fill(text: &mut String, from: &str) {
-    if text.is_empty() {
-        from.clone_into(text);
     }
 }
 

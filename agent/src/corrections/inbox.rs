@@ -19,6 +19,9 @@ use crate::source::once_named;
 /// Records that wait for the rover's next epoch at most; epochs at 1 Hz for a quarter of an hour.
 const MOST_WAITING: usize = 1_000;
 
+/// What is said of a source that has sent nothing.
+pub(super) const NOTHING: &str = "source brought neither an ephemeris nor an epoch of a base";
+
 /// What has come and was not fetched yet. Neither side ever waits for the other.
 #[derive(Debug, Default)]
 pub(super) struct Inbox(Mutex<Content>);
@@ -28,6 +31,8 @@ struct Content {
     waiting: VecDeque<Arrived>,
     /// Whether an epoch of a base has come, or nothing more comes.
     has_begun: bool,
+    /// Whether anything has come.
+    has_brought: bool,
     skips: Skips,
 }
 
@@ -40,6 +45,7 @@ impl Inbox {
     fn put(&self, arrived: Arrived) {
         let mut content = self.content();
         content.has_begun |= is_epoch(&arrived);
+        content.has_brought = true;
         if content.waiting.len() >= MOST_WAITING {
             let oldest = content.waiting.iter().position(is_epoch).unwrap_or(0);
             content.waiting.remove(oldest);
@@ -70,8 +76,8 @@ impl Inbox {
     pub(super) fn skips(&self, name: &str) -> Skips {
         let content = self.content();
         let mut skips = content.skips.clone();
-        if !content.has_begun {
-            skips.add("source brought no epoch of a base", || name.to_owned());
+        if !content.has_brought {
+            skips.add(NOTHING, || name.to_owned());
         }
         skips
     }
@@ -140,7 +146,11 @@ mod tests {
     fn a_full_inbox_keeps_the_newest() {
         let inbox = Inbox::default();
         assert!(!inbox.has_begun());
-        assert_eq!(inbox.skips("x").count("source brought no epoch of a base"), 1);
+        assert_eq!(inbox.skips("x").count(NOTHING), 1);
+        let silent = Inbox::default();
+        silent.end(&Skips::default());
+        assert!(silent.has_begun(), "nobody waits for it any more");
+        assert_eq!(silent.skips("x").count(NOTHING), 1, "its end is no epoch");
         for second in 0..MOST_WAITING + 3 {
             inbox.put(epoch(second as f64));
         }

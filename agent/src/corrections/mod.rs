@@ -18,7 +18,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use cofix_common::decode::Record;
-use cofix_common::frames::Ecef;
+use cofix_common::frames::{Ecef, Geodetic};
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::measurement::DifferentialOptions;
 use cofix_common::skips::Skips;
@@ -32,6 +32,8 @@ use crate::input::{AddressError, LOOK, LiveSource};
 use crate::products::OwnNavigation;
 use crate::source::SourceError;
 
+/// Heights above the ellipsoid at which a receiver can be, m.
+const HEIGHTS_M: std::ops::RangeInclusive<f64> = -1_000.0..=10_000.0;
 /// How long a thread gets to end.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 
@@ -100,7 +102,6 @@ pub(crate) struct News {
 pub(crate) struct Feed {
     inputs: Vec<Input>,
     base_position: Option<Ecef>,
-    rover: RoverPosition,
     stop: Stop,
     /// Bases whose place has been told to the user.
     introduced: BTreeSet<usize>,
@@ -120,16 +121,20 @@ struct Live {
 }
 
 impl Feed {
-    /// Opens files and starts threads. `near` is an instant near the beginning of live sources.
-    pub(crate) fn open(corrections: &Corrections, near: GpsTime) -> Result<Self, SourceError> {
-        let (rover, stop) = (RoverPosition::default(), Stop::default());
+    /// Opens files and starts threads. `near` is an instant near the beginning of live sources; casters hear where the `rover` is.
+    pub(crate) fn open(
+        corrections: &Corrections,
+        near: GpsTime,
+        rover: &RoverPosition,
+    ) -> Result<Self, SourceError> {
+        let stop = Stop::default();
         let mut inputs = Vec::with_capacity(corrections.sources.len());
         for source in &corrections.sources {
             inputs.push(match source {
                 CorrectionSource::File(path) => Input::Recorded(Box::new(Recorded::open(path)?)),
                 CorrectionSource::Live(source) => {
                     let inbox = Arc::new(Inbox::default());
-                    let thread = inbox::start(source, &rover, &inbox, &stop, near);
+                    let thread = inbox::start(source, rover, &inbox, &stop, near);
                     let thread =
                         thread.map_err(|cause| SourceError::Live { name: source.to_string(), cause })?;
                     Input::Live(Live { name: source.to_string(), inbox, thread })
@@ -137,7 +142,7 @@ impl Feed {
             });
         }
         let base_position = corrections.base_position;
-        Ok(Self { inputs, base_position, rover, stop, introduced: BTreeSet::new(), skips: Skips::default() })
+        Ok(Self { inputs, base_position, stop, introduced: BTreeSet::new(), skips: Skips::default() })
     }
 
     /// Waits until every live source has brought a base's epoch or ended, but not longer than `patience`: a recording does
@@ -180,11 +185,6 @@ impl Feed {
         Ok(news)
     }
 
-    /// Tells casters where the rover is.
-    pub(crate) fn tell(&self, position: Ecef) {
-        self.rover.set(position);
-    }
-
     /// Ends the threads and says what was skipped.
     pub(crate) fn finish(mut self) -> Skips {
         self.stop.request();
@@ -197,7 +197,11 @@ impl Feed {
                     while !live.thread.is_finished() && start.elapsed() < LAST_WORDS {
                         std::thread::sleep(LOOK / 10);
                     }
-                    self.skips.merge(&live.inbox.skips(&live.name).with_prefix("corrections: "));
+                    let skips = live.inbox.skips(&live.name);
+                    if skips.count(inbox::NOTHING) > 0 {
+                        tracing::warn!("no corrections: {} has sent nothing that is used", live.name);
+                    }
+                    self.skips.merge(&skips.with_prefix("corrections: "));
                 }
             }
         }
@@ -232,6 +236,24 @@ struct Arrived {
     station: Option<Ecef>,
 }
 
+/// `LATITUDE,LONGITUDE,HEIGHT` in degrees and metres above the ellipsoid.
+///
+/// # Errors
+/// When it is no place near the Earth's surface.
+pub fn approximate_position(text: &str) -> Result<Ecef, String> {
+    const FORM: &str = "write LATITUDE,LONGITUDE,HEIGHT in degrees and metres, for example 48.1,11.6,520";
+    let numbers: Vec<f64> = text.split(',').filter_map(|field| field.trim().parse().ok()).collect();
+    let [latitude_deg, longitude_deg, height_m] = numbers[..] else { return Err(FORM.to_owned()) };
+    let is_place = (-90.0..=90.0).contains(&latitude_deg)
+        && (-180.0..=360.0).contains(&longitude_deg)
+        && HEIGHTS_M.contains(&height_m);
+    if is_place {
+        Ok(Geodetic::from_degrees(latitude_deg, longitude_deg, height_m).geodetic_to_ecef())
+    } else {
+        Err(format!("that is no place near the Earth's surface; {FORM}"))
+    }
+}
+
 /// `X,Y,Z` in metres.
 ///
 /// # Errors
@@ -243,7 +265,7 @@ pub fn base_position(text: &str) -> Result<Ecef, String> {
     };
     let position = Ecef::new(x, y, z);
     let height_m = position.ecef_to_geodetic().height_m;
-    if !(-1_000.0..=10_000.0).contains(&height_m) {
+    if !HEIGHTS_M.contains(&height_m) {
         return Err(format!("that is {height_m:.0} m above the ellipsoid; write X,Y,Z in metres (ECEF)"));
     }
     Ok(position)
@@ -262,6 +284,17 @@ mod tests {
         assert_eq!("-".parse::<CorrectionSource>(), Err(CorrectionSourceError::StandardInput));
         let error = "ntrip://me:secret@host".parse::<CorrectionSource>().unwrap_err().to_string();
         assert!(error.contains("mount point") && !error.contains("secret"), "{error}");
+    }
+
+    #[test]
+    fn an_approximate_position_is_in_degrees() {
+        let place = approximate_position("48.1, -11.5,520").unwrap().ecef_to_geodetic();
+        assert!((place.latitude_deg() - 48.1).abs() < 1e-9 && (place.longitude_deg() + 11.5).abs() < 1e-9);
+        assert!((place.height_m - 520.0).abs() < 1e-6);
+        for text in ["48.1,11.6", "91,0,0", "0,361,0", "NaN,0,0", "0,0,20000", "-3817681,3562839,3650159"] {
+            let error = approximate_position(text).unwrap_err();
+            assert!(error.contains("LATITUDE,LONGITUDE,HEIGHT"), "{text}: {error}");
+        }
     }
 
     #[test]

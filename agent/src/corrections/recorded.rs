@@ -11,10 +11,10 @@ use crate::Stop;
 use crate::records::Records;
 use crate::source::{self, Reading, SourceError};
 
-/// A file of corrections.
 /// Corrections never serve for longer than this, s.
 const LONGEST_AGE_S: f64 = 3_600.0;
 
+/// A file of corrections.
 pub(super) struct Recorded {
     path: PathBuf,
     /// Opened with the rover's first epoch, which tells the week to streams without one.

@@ -12,6 +12,11 @@ pub trait Dial {
     /// The server's name for messages, without secrets.
     fn name(&self) -> String;
 
+    /// What the user may do when connections bring nothing.
+    fn advice(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Makes one attempt. What comes out gives bytes as they come, 0 at the end, and an error of kind `WouldBlock` or `TimedOut` when
     /// nothing came for [`super::LOOK`].
     ///
@@ -150,10 +155,14 @@ impl Connected {
 
     /// Notes that the connection is not there, and says when it is tried again.
     fn failed(&mut self, reason: &str) {
-        if self.stream.take().is_some() {
+        let was_open = self.stream.take().is_some();
+        if was_open {
             self.short_lived = if self.since.elapsed() > self.waited { 0 } else { self.short_lived + 1 };
         }
         let (name, attempts) = (self.dial.name(), self.attempts);
+        // A connection that was made and brought nothing.
+        let advice = self.dial.advice().filter(|_| was_open && !self.has_served);
+        let reason = advice.map_or(reason.to_owned(), |advice| format!("{reason}: {advice}"));
         if attempts < self.backoff.attempts {
             let wait_s = self.wait_due().as_secs_f64();
             tracing::warn!("{name}: {reason}; trying again in {wait_s} s");

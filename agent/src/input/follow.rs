@@ -10,13 +10,15 @@ use crate::Stop;
 /// So many of the bytes that were read last tell whether a file goes on or is another one.
 const REMEMBERED_BYTES: usize = 256;
 
-/// A growing file, from its beginning on, until a stop is requested.
+/// A growing file, from its beginning on, until a stop is requested. One that is not there yet is waited for: the agent may be started
+/// before the logger.
 ///
 /// Whoever writes it may as well replace it by a longer one of the same beginning (as `rsync` and `adb pull` do): reading goes on where it
 /// was. One that becomes shorter, or has other bytes where reading was, was written anew and is read from its new beginning.
 pub struct Followed {
     path: PathBuf,
-    file: File,
+    /// `None`: it has not been there yet.
+    file: Option<File>,
     at: u64,
     /// The last bytes before `at`.
     last: Vec<u8>,
@@ -34,24 +36,42 @@ enum Look {
 }
 
 impl Followed {
-    /// Opens the file, which must exist.
+    /// Opens the file, or says that it is waited for.
     ///
     /// # Errors
-    /// When it cannot be opened.
+    /// When it is there and cannot be opened, or is a folder.
     pub fn open(path: &Path) -> io::Result<Self> {
-        let file = File::open(path)?;
-        let is_file = file.metadata()?.is_file();
-        Ok(Self { path: path.to_owned(), file, at: 0, last: Vec::new(), is_file })
+        let mut followed = Self { path: path.to_owned(), file: None, at: 0, last: Vec::new(), is_file: true };
+        if !followed.open_first()? {
+            tracing::info!("{} is not there yet; waiting for it", path.display());
+        }
+        Ok(followed)
+    }
+
+    /// Opens the file for the first time; `false` when it is not there.
+    fn open_first(&mut self) -> io::Result<bool> {
+        let file = match File::open(&self.path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+            Err(error) => return Err(error),
+        };
+        let metadata = file.metadata()?;
+        if metadata.is_dir() {
+            return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder; name the file in it"));
+        }
+        (self.is_file, self.file) = (metadata.is_file(), Some(file));
+        Ok(true)
     }
 
     /// Reads what follows what was read, and checks that this is still there.
     fn look(&mut self, buffer: &mut Vec<u8>) -> io::Result<Look> {
+        let Some(file) = &mut self.file else { return Ok(Look::Nothing) };
         let known = self.last.len();
         buffer.resize(known + PORTION_BYTES, 0);
-        self.file.seek(SeekFrom::Start(self.at - known as u64))?;
+        file.seek(SeekFrom::Start(self.at - known as u64))?;
         let mut count = 0;
         loop {
-            match self.file.read(buffer.get_mut(count..).unwrap_or_default()) {
+            match file.read(buffer.get_mut(count..).unwrap_or_default()) {
                 Ok(0) => break,
                 Ok(more) => count += more,
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
@@ -68,8 +88,9 @@ impl Followed {
 
     /// The same without a check, and without going anywhere in it.
     fn look_at_device(&mut self, buffer: &mut Vec<u8>) -> io::Result<Look> {
+        let Some(file) = &mut self.file else { return Ok(Look::Nothing) };
         buffer.resize(PORTION_BYTES, 0);
-        match self.file.read(buffer) {
+        match file.read(buffer) {
             Ok(0) => Ok(Look::Nothing),
             Ok(count) => {
                 buffer.truncate(count);
@@ -83,7 +104,7 @@ impl Followed {
     /// Opens what has the name now. Between removing and writing anew there may be nothing for a while.
     fn open_again(&mut self) {
         if let Ok(file) = File::open(&self.path) {
-            self.file = file;
+            self.file = Some(file);
         }
     }
 
@@ -100,6 +121,14 @@ impl Bytes for Followed {
         loop {
             if stop.is_requested() {
                 return Ok(Portion::End);
+            }
+            if self.file.is_none() {
+                if self.open_first()? {
+                    tracing::info!("{} is there now", self.path.display());
+                } else {
+                    stop.sleep(LOOK);
+                    continue;
+                }
             }
             let look = if self.is_file { self.look(buffer)? } else { self.look_at_device(buffer)? };
             match look {

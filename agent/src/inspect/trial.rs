@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::directions::{DirectionReport, Directions};
 use crate::pipeline::{PhonePipeline, PipelineOptions};
+use crate::products::note_shortcomings;
 use crate::records::Records;
 
 /// Counts of a run of the pipeline over all epochs.
@@ -33,6 +34,10 @@ pub struct Trial {
 
 /// A trial under way.
 pub(super) struct Running {
+    products: Arc<Products>,
+    is_first: bool,
+    /// What the products lack, and weeks that were not rolled over.
+    shortcomings: Skips,
     pipeline: PhonePipeline,
     counts: Trial,
     directions: Directions,
@@ -41,12 +46,21 @@ pub(super) struct Running {
 impl Running {
     pub(super) fn new(products: Arc<Products>, correction: CorrectionOptions) -> Self {
         let options = PipelineOptions { correction, ..PipelineOptions::default() };
-        let pipeline = PhonePipeline::new("trial", products, options);
-        Self { pipeline, counts: Trial::default(), directions: Directions::default() }
+        let pipeline = PhonePipeline::new("trial", Arc::clone(&products), options);
+        Self {
+            products,
+            is_first: true,
+            shortcomings: Skips::default(),
+            pipeline,
+            counts: Trial::default(),
+            directions: Directions::default(),
+        }
     }
 
     /// The epoch that `records` gave last.
     pub(super) fn epoch(&mut self, epoch: &ObservationEpoch, records: &Records) {
+        let is_first = std::mem::take(&mut self.is_first);
+        note_shortcomings(epoch.time_gps, is_first, &self.products, &mut self.shortcomings);
         let message = self.pipeline.process_last(epoch, records.decoder());
         self.directions.add(&message, records.decoder().phone().directions());
         let counts = &mut self.counts;
@@ -58,7 +72,9 @@ impl Running {
     }
 
     pub(super) fn end(self) -> Trial {
-        Trial { skips: self.pipeline.skips(), directions: self.directions.report(), ..self.counts }
+        let mut skips = self.pipeline.skips();
+        skips.merge(&self.shortcomings);
+        Trial { skips, directions: self.directions.report(), ..self.counts }
     }
 }
 

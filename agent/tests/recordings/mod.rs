@@ -138,6 +138,30 @@ pub fn table(count: i64) -> Recording {
     text("challenge table", header, count, epoch, &row(59, 3, 3, "GLO_G1", 20.1e6))
 }
 
+/// Two lines an epoch.
+pub fn spare_log(count: i64) -> Recording {
+    let epoch = |second: i64, signals: &[(u8, f64)]| {
+        let of_day = 51_540 + second;
+        let (hour, minute, sec) = (of_day / 3_600, of_day / 60 % 60, of_day % 60);
+        let signal = |(index, range_m): &(u8, f64)| {
+            format!(
+                "{{\"d\":-1200.0,\"l\":1.16E8,\"lli\":0,\"p\":{range_m:.3},\"prn\":{index},\"snr\":45.0,\"type\":\"L1C\",\"vd\":0.01,\
+                 \"vl\":0.1,\"vp\":1.5}}"
+            )
+        };
+        let signals: Vec<String> = signals.iter().map(signal).collect();
+        format!(
+            "current_Start_Timestamp:2020_08_13_{:02}_{minute:02}_{sec:02}.345\n{{\"gga\":\"\",\"imei\":\"0\",\"obsd_t\":{{\"d\":[{}],\
+             \"satnum\":{},\"t\":{{\"day\":13,\"hour\":{hour},\"minute\":{minute},\"month\":8,\"sec\":{sec}.0,\"year\":2020}}}}}}\n",
+            hour + 8,
+            signals.join(","),
+            signals.len(),
+        )
+    };
+    let header = "current_Start_Timestamp:2020_08_13_22_18_59.345\n";
+    text("spare log", header, count, |second| epoch(second, &RANGES_M), &epoch(59, &[(38, 20.1e6)]))
+}
+
 #[allow(clippy::cast_possible_truncation)] // a fraction of a second
 fn nanos(seconds: f64) -> i64 {
     (seconds * 1e9).round() as i64
@@ -161,6 +185,12 @@ pub fn rtcm(count: i64) -> Recording {
 
 /// An MSM4 message with one signal of each satellite (RTCM 10403.3, tables 3.5-78 to 3.5-81), `rough_ms` away.
 pub fn msm4(number: u64, epoch_time: u64, satellites: &[u8], rough_ms: u64) -> Vec<u8> {
+    // Signal 2 is C/A of GPS and GLONASS.
+    msm4_of((number, 2), epoch_time, satellites, rough_ms)
+}
+
+/// The same of another signal, 1 to 32.
+pub fn msm4_of((number, signal): (u64, u32), epoch_time: u64, satellites: &[u8], rough_ms: u64) -> Vec<u8> {
     let mut bits: Vec<bool> = Vec::new();
     let mut put = |value: u64, count: u32| bits.extend((0..count).rev().map(|place| value >> place & 1 == 1));
     put(number, 12);
@@ -168,7 +198,7 @@ pub fn msm4(number: u64, epoch_time: u64, satellites: &[u8], rough_ms: u64) -> V
     put(epoch_time, 30);
     put(0, 1 + 3 + 7 + 2 + 2 + 1 + 3);
     put(satellites.iter().map(|satellite| 1 << (64 - satellite)).sum(), 64);
-    put(1 << 30, 32); // signal 2: C/A
+    put(1 << (32 - signal), 32);
     put((1 << satellites.len()) - 1, u32::try_from(satellites.len()).unwrap());
     for (value, count) in [(rough_ms, 8), (512, 10), (100, 15), (200, 22), (9, 4), (0, 1), (45, 6)] {
         for _ in satellites {

@@ -4,6 +4,7 @@ use serde::Deserialize;
 
 use crate::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use crate::skips::Skips;
+use crate::text::content;
 use crate::time::GpsTime;
 
 /// A reference trajectory in order of time.
@@ -54,7 +55,7 @@ pub enum TruthError {
 /// stays below it.
 const VELOCITY_TOLERANCE_MPS: f64 = 3.0;
 
-const COLUMNS: [&str; 9] = [
+pub(super) const COLUMNS: [&str; 9] = [
     "gps_week",
     "gps_tow_s",
     "latitude_deg",
@@ -66,21 +67,22 @@ const COLUMNS: [&str; 9] = [
     "quality",
 ];
 
-#[derive(Deserialize)]
-struct CsvRow {
-    gps_week: i64,
-    gps_tow_s: f64,
-    latitude_deg: f64,
-    longitude_deg: f64,
-    ellipsoidal_height_m: f64,
-    velocity_north_mps: f64,
-    velocity_east_mps: f64,
-    velocity_up_mps: f64,
-    quality: u8,
+/// A row as it is written.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(crate) struct TableRow {
+    pub(crate) gps_week: i64,
+    pub(crate) gps_tow_s: f64,
+    pub(crate) latitude_deg: f64,
+    pub(crate) longitude_deg: f64,
+    pub(crate) ellipsoidal_height_m: f64,
+    pub(crate) velocity_north_mps: f64,
+    pub(crate) velocity_east_mps: f64,
+    pub(crate) velocity_up_mps: f64,
+    pub(crate) quality: u8,
 }
 
-impl CsvRow {
-    fn to_truth(&self) -> Option<TruthRow> {
+impl TableRow {
+    fn to_truth(self) -> Option<TruthRow> {
         let plausible = (0..10_000).contains(&self.gps_week)
             && (0.0..=604_800.0).contains(&self.gps_tow_s)
             && self.latitude_deg.abs() <= 90.0
@@ -116,20 +118,31 @@ impl Truth {
     /// # Errors
     /// [`TruthError`] when a column is missing or no row is usable.
     pub fn parse_csv(bytes: &[u8]) -> Result<(Self, Skips), TruthError> {
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(bytes);
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(content(bytes));
         let header = reader.byte_headers().cloned().unwrap_or_default();
         if let Some(column) = COLUMNS.into_iter().find(|c| !header.iter().any(|h| h == c.as_bytes())) {
             return Err(TruthError::Column { column, expected: COLUMNS.join(", ") });
         }
-        let mut skips = Skips::default();
+        Self::from_table(
+            reader.deserialize().map(|row| row.map_err(|error| error.to_string())),
+            Skips::default(),
+        )
+    }
+
+    /// A truth of the rows of a table, or what is wrong with them; `skips` counts what was skipped before.
+    pub(crate) fn from_table(
+        table: impl IntoIterator<Item = Result<TableRow, String>>,
+        mut skips: Skips,
+    ) -> Result<(Self, Skips), TruthError> {
         let mut rows = Vec::new();
         let mut seen = 0;
-        for (index, row) in reader.deserialize::<CsvRow>().enumerate() {
+        for row in table {
             seen += 1;
-            match row.map(|row| row.to_truth()) {
+            match row.map(TableRow::to_truth) {
                 Ok(Some(row)) => rows.push(row),
-                Ok(None) => skips.add("truth row out of range", || format!("row {}", index + 1)),
-                Err(error) => skips.add("truth row unreadable", || format!("row {}: {error}", index + 1)),
+                Ok(None) => skips.add("truth row out of range", || format!("row {seen}")),
+                Err(error) => skips.add("truth row unreadable", || format!("row {seen}: {error}")),
             }
         }
         let truth = Self::from_rows(rows, &mut skips);

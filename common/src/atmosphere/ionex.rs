@@ -7,7 +7,7 @@ use super::ionosphere_map::IonosphereMap;
 use super::map_axis::Axis;
 use super::shell::Shell;
 use crate::rinex::{
-    DecompressError, columns, decompress, integer, leap_seconds_at, lines, real, shorten, text,
+    DecompressError, columns, decompress, integer, leap_seconds_at, lines_of_content, real, shorten, text,
 };
 use crate::skips::Skips;
 use crate::time::{Calendar, GpsTime};
@@ -72,7 +72,7 @@ impl Ionex {
     /// counted in [`Ionex::skips`].
     pub fn parse(bytes: &[u8]) -> Result<Self, IonexError> {
         let bytes = decompress(bytes)?;
-        let mut lines = lines(&bytes);
+        let mut lines = lines_of_content(&bytes);
         let (mut last, first) = lines.next().unwrap_or_default();
         let version = real(columns(first, 0, 8)).unwrap_or(0.0);
         let is_ionex = label(first) == b"IONEX VERSION / TYPE" && columns(first, 20, 21) == b"I";

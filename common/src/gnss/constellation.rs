@@ -75,9 +75,10 @@ impl SatelliteId {
         Self { constellation, number }
     }
 
-    /// From three bytes as RINEX and SP3 have them; a blank in the tens place counts as zero.
+    /// From three bytes as RINEX and SP3 have them; a blank in the tens place counts as zero, and the letter may be of either case.
     pub const fn from_bytes(bytes: [u8; 3]) -> Option<Self> {
-        let Some(constellation) = Constellation::from_letter(bytes[0] as char) else { return None };
+        let letter = bytes[0].to_ascii_uppercase() as char;
+        let Some(constellation) = Constellation::from_letter(letter) else { return None };
         let tens = match bytes[1] {
             b' ' => 0,
             d @ b'0'..=b'9' => d - b'0',
@@ -130,6 +131,7 @@ mod tests {
             assert_eq!(text.parse::<SatelliteId>().unwrap().to_string(), text);
         }
         assert_eq!(SatelliteId::from_bytes(*b"G 7").unwrap().to_string(), "G07");
+        assert_eq!(SatelliteId::from_bytes(*b"g07").unwrap().to_string(), "G07");
         for text in ["X01", "G00", "G1", "G100", "Gxx", "", "é1"] {
             assert!(text.parse::<SatelliteId>().is_err(), "{text}");
         }

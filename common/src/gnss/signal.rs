@@ -14,7 +14,7 @@ use crate::constants::SPEED_OF_LIGHT_MPS;
 pub struct SignalCode {
     /// RINEX band digit, `b'1'` to `b'9'`; of a pair a letter, see [`SignalCode::pair`].
     pub band: u8,
-    /// RINEX attribute letter; of a pair the first signal's.
+    /// RINEX attribute letter, blank where the tracking is not known; of a pair the first signal's.
     pub attribute: u8,
 }
 
@@ -57,7 +57,7 @@ impl SignalCode {
     pub fn frequency_hz(self, constellation: Constellation, glonass_channel: Option<i8>) -> Option<f64> {
         use Constellation::{Beidou, Galileo, Glonass, Gps, Navic, Qzss, Sbas};
         let mhz = match (constellation, self.band) {
-            (Gps | Galileo | Qzss | Sbas | Beidou, b'1') => 1575.42,
+            (Gps | Galileo | Qzss | Sbas | Beidou | Navic, b'1') => 1575.42,
             (Gps | Qzss, b'2') => 1227.60,
             (Gps | Galileo | Qzss | Sbas | Beidou | Navic, b'5') => 1176.45,
             (Beidou, b'2') => 1561.098,

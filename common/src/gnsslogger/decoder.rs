@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use super::columns::{FIX_COLUMNS, Layout, RAW_COLUMNS, STATUS_COLUMNS};
+use super::device::Device;
 use super::epochs::Epochs;
 use super::fields::Fields;
 use super::fix::{self, Fix};
@@ -19,6 +20,7 @@ use crate::decode::{Decoder, Record, WrongStream};
 use crate::measurement::RecordedEpoch;
 use crate::rinex::{IonosphereTerms, shorten};
 use crate::skips::Skips;
+use crate::text::without_mark;
 use crate::time::GpsTime;
 
 /// Kinds of lines that the app writes and that have no use here.
@@ -71,6 +73,9 @@ pub struct GnssLoggerDecoder {
     options: Options,
     lines: Lines,
     line_number: u64,
+    device: Option<Device>,
+    /// The first position by the best provider.
+    own_fix: Option<Fix>,
     state: Recognition,
     raw: Columns<RAW_COLUMNS>,
     fix: Columns<FIX_COLUMNS>,
@@ -100,6 +105,8 @@ impl GnssLoggerDecoder {
             options,
             lines: Lines::default(),
             line_number: 0,
+            device: None,
+            own_fix: None,
             state: Recognition::Open { first: None },
             raw: Columns::new(Layout::raw_standard(), false),
             fix: Columns::new(Layout::fix_standard(), false),
@@ -124,6 +131,17 @@ impl GnssLoggerDecoder {
     /// Takes the positions out, so that a long recording need not keep them.
     pub fn take_fixes(&mut self) -> Vec<Fix> {
         std::mem::take(&mut self.fixes)
+    }
+
+    /// Phone and app, by the log's header.
+    pub const fn device(&self) -> Option<&Device> {
+        self.device.as_ref()
+    }
+
+    /// The phone's first own position, of the best provider that the log has up to now: the GNSS chip's, else the fused one, else
+    /// another.
+    pub const fn own_fix(&self) -> Option<&Fix> {
+        self.own_fix.as_ref()
     }
 
     /// What the phone said about signals so far, in the order of the lines.
@@ -176,7 +194,7 @@ impl GnssLoggerDecoder {
     }
 
     fn line(&mut self, line: &[u8]) {
-        let line = line.trim_ascii();
+        let line = without_mark(line.trim_ascii()).trim_ascii();
         let number = self.line_number;
         if line.is_empty() {
             return;
@@ -206,6 +224,9 @@ impl GnssLoggerDecoder {
     fn comment(&mut self, comment: &[u8]) {
         let number = self.line_number;
         let text = String::from_utf8_lossy(comment);
+        if self.device.is_none() {
+            self.device = Device::of(&text);
+        }
         let taken = match text.split(',').next().filter(|kind| kind.len() < text.len()) {
             Some("Raw") => Layout::raw(&text).map(|layout| self.raw = Columns::new(layout, true)),
             Some("Fix") => Layout::fix(&text).map(|layout| self.fix = Columns::new(layout, true)),
@@ -250,7 +271,11 @@ impl GnssLoggerDecoder {
         self.state.line(true, self.line_number, line);
         let mut read = Fields { kind: "Fix", line: self.line_number, skips: &mut self.skips };
         let Some(fields) = self.fix.fields_of(line, &mut read) else { return };
-        self.fixes.extend(fix::parse(&fields, &mut read));
+        let Some(fix) = fix::parse(&fields, &mut read) else { return };
+        if self.own_fix.is_none_or(|own| fix.provider < own.provider) {
+            self.own_fix = Some(fix);
+        }
+        self.fixes.push(fix);
     }
 
     fn status_line(&mut self, line: &[u8]) {

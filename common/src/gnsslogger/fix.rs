@@ -3,6 +3,7 @@
 use super::columns::{FIX_COLUMNS, Fix as Column};
 use super::fields::{Fields, integer, real};
 use super::leap::from_unix_millis;
+use crate::frames::{Ecef, Geodetic};
 use crate::time::GpsTime;
 
 /// Where a fix came from.
@@ -37,6 +38,14 @@ pub struct Fix {
     pub speed_mps: Option<f64>,
     /// Course over ground, rad clockwise from north.
     pub bearing_rad: Option<f64>,
+}
+
+impl Fix {
+    /// The position; one without a height is on the ellipsoid.
+    pub fn position(&self) -> Ecef {
+        let Self { latitude_rad, longitude_rad, .. } = *self;
+        Geodetic { latitude_rad, longitude_rad, height_m: self.height_m.unwrap_or(0.0) }.geodetic_to_ecef()
+    }
 }
 
 /// Reads the fields of a line; `None` (counted) when it gives no position.

@@ -3,11 +3,11 @@
 use std::io::BufRead;
 
 /// Longest line that is looked at, bytes. `Raw` lines have about 400, headers about 1000.
-pub(super) const MAX_LINE: usize = 65_536;
+pub(crate) const MAX_LINE: usize = 65_536;
 
 /// Collects the part of a line that has come.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Lines {
+pub(crate) struct Lines {
     part: Vec<u8>,
     /// The line is too long; the rest of it is thrown away.
     too_long: bool,
@@ -17,7 +17,7 @@ pub(super) struct Lines {
 
 /// A line, or the place of one that is too long.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Framed<'a> {
+pub(crate) enum Framed<'a> {
     /// Without its line feed.
     Line(&'a [u8]),
     /// More than [`MAX_LINE`] bytes.
@@ -26,7 +26,7 @@ pub(super) enum Framed<'a> {
 
 impl Lines {
     /// The next line that ends in `bytes`, which is moved on; `None` when all of it is taken.
-    pub(super) fn next<'a, 'b: 'a>(&'a mut self, bytes: &mut &'b [u8]) -> Option<Framed<'a>> {
+    pub(crate) fn next<'a, 'b: 'a>(&'a mut self, bytes: &mut &'b [u8]) -> Option<Framed<'a>> {
         if std::mem::take(&mut self.given) {
             self.part.clear();
         }
@@ -66,7 +66,7 @@ impl Lines {
     }
 
     /// What is left of a line without its line feed.
-    pub(super) fn finish(&mut self) -> Option<Vec<u8>> {
+    pub(crate) fn finish(&mut self) -> Option<Vec<u8>> {
         let too_long = std::mem::take(&mut self.too_long);
         let part = std::mem::take(&mut self.part);
         (too_long || (!part.is_empty() && !self.given)).then_some(part)

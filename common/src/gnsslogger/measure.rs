@@ -4,7 +4,7 @@ use super::options::{KnownTime, Masks, Options};
 use super::pseudorange::{ReceiveTime, TransmitScale};
 use super::raw::RawLine;
 use super::signal::{Signal, channel_only};
-use crate::gnss::{LossOfLock, Observation, SatelliteId};
+use crate::gnss::{DOPPLER_TOO_LARGE, LossOfLock, MAX_DOPPLER_HZ, Observation, SatelliteId};
 use crate::measurement::GivenCorrections;
 
 /// Bits of `AccumulatedDeltaRangeState` (Android API).
@@ -18,8 +18,6 @@ pub(super) mod range_state {
 
 /// C/N0 that are believed, dB-Hz.
 pub(super) const CN0_DBHZ: std::ops::RangeInclusive<f64> = 0.0..=70.0;
-/// Largest Doppler that is believed, Hz: satellites and phones together make 10 kHz, a poor oscillator some more.
-const MAX_DOPPLER_HZ: f64 = 5e4;
 /// Largest accumulated delta range that is believed, cycles: days without a loss of lock. RINEX has no room for more.
 const MAX_PHASE_CYCLES: f64 = 9e9;
 
@@ -114,7 +112,7 @@ pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Opt
     }
     let doppler_hz = line.rate_mps.map(|rate| -rate / wavelength_m);
     if let Some(doppler_hz) = doppler_hz.filter(|doppler| doppler.abs() > MAX_DOPPLER_HZ) {
-        return refuse("Doppler beyond 50 kHz (code and phase are used)", "Hz", doppler_hz);
+        return refuse(DOPPLER_TOO_LARGE, "Hz", doppler_hz);
     }
     observation.doppler_hz = doppler_hz;
     Ok(())

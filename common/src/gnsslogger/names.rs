@@ -15,7 +15,7 @@ pub(super) fn named((number, line): (u64, &RawLine), skips: &mut Skips) -> Optio
     });
     let by_channel = || Some(SatelliteId::new(Constellation::Glonass, u8::try_from(svid).ok()?));
     let satellite = satellite.ok().or_else(|| channel.and_then(|_| by_channel()))?;
-    let Some(signal) = signal(satellite.constellation, line.frequency_hz, line.code_type) else {
+    let Some(signal) = signal(satellite, line.frequency_hz, line.code_type) else {
         // A line without a slot is counted already.
         if channel.is_none() {
             let frequency_hz = line.frequency_hz.unwrap_or(f64::NAN);

@@ -59,8 +59,7 @@ pub(super) fn lost_signal(fields: &[&[u8]; RAW_COLUMNS]) -> Option<SignalKey> {
         return None;
     }
     let satellite = satellite(integer(at(Raw::ConstellationType))?, integer(at(Raw::Svid))?).ok()?;
-    let signal =
-        signal(satellite.constellation, real(at(Raw::CarrierFrequencyHz)), code_type(at(Raw::CodeType)))?;
+    let signal = signal(satellite, real(at(Raw::CarrierFrequencyHz)), code_type(at(Raw::CodeType)))?;
     Some((satellite, signal.code))
 }
 

@@ -16,53 +16,37 @@ struct Band {
     digit: u8,
     /// Attribute of the signal that phones track where the log has no code type.
     usual: u8,
-    /// Attributes of all its signals (RINEX 3.05, tables 4 to 10, and 4.01).
-    attributes: &'static [u8],
 }
 
-const fn band(digit: u8, usual: u8, attributes: &'static [u8]) -> Band {
-    Band { digit, usual, attributes }
+const fn band(digit: u8, usual: u8) -> Band {
+    Band { digit, usual }
 }
+
+/// BeiDou-3's signal at 1207.14 MHz, as phones track it.
+const B2B: SignalCode = SignalCode::new(b'7', b'D');
 
 /// Bands to look for; the first is the primary one.
 const BANDS: [(Constellation, &[Band]); 7] = [
-    (
-        Constellation::Gps,
-        &[band(b'1', b'C', b"CSLXPWYMNR"), band(b'5', b'Q', b"IQX"), band(b'2', b'L', b"CDSLXPWYMNR")],
-    ),
-    (Constellation::Glonass, &[band(b'1', b'C', b"CP"), band(b'2', b'C', b"CP")]),
+    (Constellation::Gps, &[band(b'1', b'C'), band(b'5', b'Q'), band(b'2', b'L')]),
+    (Constellation::Glonass, &[band(b'1', b'C'), band(b'2', b'C')]),
     (
         Constellation::Galileo,
-        &[
-            band(b'1', b'C', b"ABCXZ"),
-            band(b'5', b'Q', b"IQX"),
-            band(b'7', b'Q', b"IQX"),
-            band(b'6', b'C', b"ABCXZ"),
-            band(b'8', b'Q', b"IQX"),
-        ],
+        &[band(b'1', b'C'), band(b'5', b'Q'), band(b'7', b'Q'), band(b'6', b'C'), band(b'8', b'Q')],
     ),
     (
         Constellation::Beidou,
         &[
-            band(b'2', b'I', b"IQX"),
-            band(b'1', b'P', b"DPXSLZAN"),
-            band(b'5', b'P', b"DPX"),
-            band(b'7', b'I', b"IQXDPZ"),
-            band(b'6', b'I', b"IQXDPZA"),
-            band(b'8', b'P', b"DPX"),
+            band(b'2', b'I'),
+            band(b'1', b'P'),
+            band(b'5', b'P'),
+            band(b'7', b'I'),
+            band(b'6', b'I'),
+            band(b'8', b'P'),
         ],
     ),
-    (
-        Constellation::Qzss,
-        &[
-            band(b'1', b'C', b"CSLXZBE"),
-            band(b'5', b'Q', b"IQXDPZ"),
-            band(b'2', b'L', b"SLX"),
-            band(b'6', b'L', b"SLXEZ"),
-        ],
-    ),
-    (Constellation::Sbas, &[band(b'1', b'C', b"C"), band(b'5', b'I', b"IQX")]),
-    (Constellation::Navic, &[band(b'5', b'A', b"ABCX"), band(b'9', b'A', b"ABCX")]),
+    (Constellation::Qzss, &[band(b'1', b'C'), band(b'5', b'Q'), band(b'2', b'L'), band(b'6', b'L')]),
+    (Constellation::Sbas, &[band(b'1', b'C'), band(b'5', b'I')]),
+    (Constellation::Navic, &[band(b'5', b'A'), band(b'9', b'A')]),
 ];
 
 /// The satellite of `ConstellationType` and `Svid` (Android API, `GnssStatus.getSvid`), or the reason why there is none.
@@ -107,10 +91,11 @@ pub(super) struct Signal {
 /// The signal on a carrier. Without a frequency, as in logs of 2016, it is the system's primary civil signal. `None` when
 /// the system has no signal at that frequency.
 pub(super) fn signal(
-    constellation: Constellation,
+    satellite: SatelliteId,
     frequency_hz: Option<f64>,
     code_type: Option<u8>,
 ) -> Option<Signal> {
+    let constellation = satellite.constellation;
     let bands = BANDS.iter().find(|(system, _)| *system == constellation)?.1;
     let (band, glonass_channel) = match frequency_hz {
         None => (bands.first()?, None),
@@ -120,9 +105,13 @@ pub(super) fn signal(
         }
         Some(frequency) => (bands.iter().find(|band| band.is_at(constellation, frequency))?, None),
     };
-    let known = code_type.filter(|letter| band.attributes.contains(letter));
+    let can_be = |code: SignalCode| code.has_pseudorange() && satellite.cannot_send(code).is_none();
+    let known = code_type.filter(|letter| can_be(SignalCode::new(band.digit, *letter)));
+    let usual = SignalCode::new(band.digit, band.usual);
+    // At 1207.14 MHz BeiDou-3 sends another signal than BeiDou-2.
+    let usual = if can_be(usual) { usual } else { B2B };
     Some(Signal {
-        code: SignalCode::new(band.digit, known.unwrap_or(band.usual)),
+        code: known.map_or(usual, |letter| SignalCode::new(band.digit, letter)),
         glonass_channel,
         odd_code_type: code_type.filter(|_| known.is_none()),
     })
@@ -189,7 +178,7 @@ mod tests {
     fn signals_by_frequency() {
         use Constellation::{Beidou, Galileo, Glonass, Gps, Navic, Qzss};
         let code = |system, hz: Option<f64>, kind: Option<u8>| {
-            signal(system, hz, kind).map(|s| (s.code.to_string(), s.glonass_channel))
+            signal(SatelliteId::new(system, 1), hz, kind).map(|s| (s.code.to_string(), s.glonass_channel))
         };
         let plain = |text: &str| Some((text.to_owned(), None));
         assert_eq!(code(Gps, None, None), plain("1C"));
@@ -227,10 +216,30 @@ mod tests {
             (Qzss, Some(1_575_420_030.0), b'Q', "1C"),
             (Sbas, None, b'I', "1C"),
         ] {
-            let found = signal(system, hz, Some(letter)).unwrap();
+            let found = signal(SatelliteId::new(system, 1), hz, Some(letter)).unwrap();
             assert_eq!((found.code.to_string().as_str(), found.odd_code_type), (expected, Some(letter)));
         }
-        let l1c = signal(Gps, Some(1_575_420_030.0), Some(b'X')).unwrap();
+        let l1c = signal(SatelliteId::new(Gps, 1), Some(1_575_420_030.0), Some(b'X')).unwrap();
         assert_eq!((l1c.code.to_string().as_str(), l1c.odd_code_type), ("1X", None));
+    }
+
+    #[test]
+    fn beidous_generations_have_different_signals_on_one_frequency() {
+        for (number, letter, expected, is_odd) in [
+            (18, None, "7I", false),
+            (18, Some(b'Q'), "7Q", false),
+            (18, Some(b'P'), "7I", true),
+            (19, None, "7D", false),
+            (19, Some(b'P'), "7P", false),
+            (19, Some(b'I'), "7D", true),
+        ] {
+            let satellite = SatelliteId::new(Constellation::Beidou, number);
+            let found = signal(satellite, Some(1_207_140_000.0), letter).unwrap();
+            assert_eq!(
+                (found.code.to_string().as_str(), found.odd_code_type.is_some()),
+                (expected, is_odd),
+                "{satellite}"
+            );
+        }
     }
 }

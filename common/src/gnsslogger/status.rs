@@ -108,7 +108,7 @@ fn named(fields: &[&[u8]; STATUS_COLUMNS], read: &mut Fields<'_>) -> Option<(Sat
             return None;
         }
     };
-    let Some(signal) = signal(satellite.constellation, frequency_hz, None) else {
+    let Some(signal) = signal(satellite, frequency_hz, None) else {
         let hz = frequency_hz.unwrap_or(f64::NAN);
         read.refuse("carrier frequency of no signal of the system", || format!("{satellite}, {hz} Hz"));
         return None;

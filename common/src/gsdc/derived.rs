@@ -12,6 +12,7 @@ use crate::gnss::Observation;
 use crate::gnsslogger::Masks;
 use crate::measurement::{ChannelObservation, RecordedEpoch, RecordedObservation};
 use crate::skips::Skips;
+use crate::text::{is_blank, without_mark};
 use crate::time::{GpsTime, SECONDS_PER_WEEK};
 use crate::time_order::{DAY_S, LONG_STEP_S};
 
@@ -105,7 +106,7 @@ impl DerivedDecoder {
 
 impl Table {
     fn line(&mut self, number: u64, line: &[u8], skips: &mut Skips) {
-        if line.iter().all(u8::is_ascii_whitespace) {
+        if is_blank(without_mark(line)) {
             return;
         }
         let fields = fields(line);

@@ -1,6 +1,7 @@
 //! Lines of a stream.
 
 use crate::skips::Skips;
+use crate::text::without_mark;
 
 /// No row of these tables comes near this, bytes.
 const MAX_LINE_BYTES: usize = 65_536;
@@ -59,7 +60,8 @@ impl Lines {
 /// The fields of a line: cut at commas, without blanks, quotes and the carriage return around them. Bytes that are no text
 /// give an empty field.
 pub(super) fn fields(line: &[u8]) -> Vec<&str> {
-    line.split(|byte| *byte == b',')
+    without_mark(line)
+        .split(|byte| *byte == b',')
         .map(|field| std::str::from_utf8(field).unwrap_or_default().trim().trim_matches('"').trim())
         .collect()
 }

@@ -5,7 +5,9 @@ use super::times::{Shift, Times, times};
 use super::{masks, signal};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Ecef, EcefVector};
-use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId, SignalCode};
+use crate::gnss::{
+    Constellation, LossOfLock, MAX_DOPPLER_HZ, Observation, PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode,
+};
 use crate::gnsslogger::Masks;
 use crate::integer::integer;
 use crate::lost_locks::SignalKey;
@@ -15,12 +17,8 @@ use crate::measurement::{
 };
 use crate::time::GpsTime;
 
-/// Pseudoranges outside these bounds (m) are impossible: no satellite in use is nearer or farther.
-const PSEUDORANGE_BOUNDS_M: (f64, f64) = (1e6, 1e9);
 /// Largest delay in the atmosphere, m.
 const MAX_DELAY_M: f64 = 500.0;
-/// Largest Doppler, Hz.
-const MAX_DOPPLER_HZ: f64 = 5e4;
 /// Standard deviation of orbit and clock along the line of sight, m. The files do not carry the broadcast accuracy; this is what
 /// GPS and Galileo reached in those years.
 const ORBIT_SIGMA_M: f64 = 0.5;

@@ -41,10 +41,14 @@ pub(super) fn signal(constellation: Constellation, name: &str, code_type: &str) 
         Constellation::Navic if band_name.starts_with("L5") => (b'5', b'A'),
         _ => return None,
     };
+    let can_be = |letter: u8| {
+        let code = SignalCode::new(band, letter);
+        letter.is_ascii_uppercase() && code.has_pseudorange() && code.exists(constellation)
+    };
     let last = name.rsplit('_').next().unwrap_or_default();
     let attribute = match (code_type.as_bytes(), last.as_bytes()) {
-        ([letter @ b'A'..=b'Z'], _) => *letter,
-        (_, [letter @ b'A'..=b'Z']) if band != b'1' => *letter,
+        ([letter], _) if can_be(*letter) => *letter,
+        (_, [letter]) if band != b'1' && can_be(*letter) => *letter,
         _ => usual,
     };
     Some(SignalCode::new(band, attribute))
@@ -94,6 +98,10 @@ mod tests {
         assert_eq!(known(Constellation::Galileo, "GAL_E1_C_P", ""), "1C");
         assert_eq!(known(Constellation::Beidou, "BDS_B1_I", ""), "2I");
         assert_eq!(known(Constellation::Glonass, "GLO_G1_CA", "C"), "1C");
+        // Some chips call every code C.
+        assert_eq!(known(Constellation::Beidou, "BDS_B1C", "C"), "1X");
+        assert_eq!(known(Constellation::Beidou, "BDS_B1_I", "C"), "2I");
+        assert_eq!(known(Constellation::Gps, "GPS_L5_Q", "C"), "5Q");
         assert_eq!(signal(Constellation::Gps, "GAL_E1", ""), None);
         assert_eq!(signal(Constellation::Gps, "", ""), None);
     }

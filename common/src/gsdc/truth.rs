@@ -6,6 +6,7 @@ use crate::accuracy::{Truth, TruthError, TruthPoint};
 use crate::frames::{EcefVector, Enu, Geodetic, LocalFrame};
 use crate::integer::integer;
 use crate::skips::Skips;
+use crate::text::content;
 use crate::time::GpsTime;
 
 /// The heights of 2021 are this much too high, m (the organisers' note on the data).
@@ -53,7 +54,7 @@ const GENERATIONS: [Generation; 2] = [
 
 /// Whether a table's first line names most of the columns of a challenge's ground truth.
 pub fn is_ground_truth(bytes: &[u8]) -> bool {
-    let header = bytes.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let header = content(bytes).split(|byte| *byte == b'\n').next().unwrap_or_default();
     let header = fields(header);
     let found =
         |generation: &Generation| generation.names.iter().filter(|name| header.contains(name)).count();
@@ -142,6 +143,7 @@ impl Header {
 impl Reader {
     fn line(&mut self, number: u64, fields: &[&str], skips: &mut Skips) {
         match &self.header {
+            None if fields.iter().all(|field| field.is_empty()) => {}
             None => self.header = Some(Header::find(fields)),
             Some(Ok(header)) if fields.iter().any(|field| !field.is_empty()) => {
                 self.rows += 1;

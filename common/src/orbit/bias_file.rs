@@ -2,11 +2,10 @@
 //! for GNSS Biases, 2016).
 
 use crate::gnss::{SatelliteId, SignalCode};
-use crate::rinex::{
-    DecompressError, columns, decompress, integer, leap_seconds_at, lines, real, shorten, text,
-};
+use crate::rinex::{DecompressError, columns, decompress, integer, lines_of_content, real, shorten, text};
 use crate::skips::Skips;
 use crate::time::{Calendar, GpsTime};
+use crate::time_system::TimeSystem;
 
 /// Biases beyond this are not believed, ns. Real ones stay below a hundred.
 const MAX_BIAS_NS: f64 = 1_000.0;
@@ -45,8 +44,11 @@ pub enum BiasFileError {
         /// Its text, shortened.
         found: String,
     },
-    /// A time system other than GPS time and UTC.
-    #[error("TIME_SYSTEM '{found}' is not supported in Bias-SINEX files; G (GPS time) and UTC are")]
+    /// A time system that is not known.
+    #[error(
+        "TIME_SYSTEM '{found}' of a Bias-SINEX file is not known; letters of systems and {names} are",
+        names = TimeSystem::NAMES
+    )]
     TimeSystem {
         /// What the file says.
         found: String,
@@ -74,7 +76,7 @@ impl BiasFile {
     /// damage is counted in [`BiasFile::skips`].
     pub fn parse(bytes: &[u8]) -> Result<Self, BiasFileError> {
         let bytes = decompress(bytes)?;
-        let mut lines = lines(&bytes);
+        let mut lines = lines_of_content(&bytes);
         let (mut last, first) = lines.next().unwrap_or_default();
         let version = real(columns(first, 6, 10));
         if !first.starts_with(b"%=BIA ") || version != Some(1.0) {
@@ -110,7 +112,7 @@ enum Block {
 #[derive(Default)]
 struct Reader {
     block: Block,
-    is_utc: bool,
+    time_system: TimeSystem,
     biases: Vec<CodeBias>,
     skips: Skips,
 }
@@ -136,11 +138,15 @@ impl Reader {
     fn time_system(&mut self, line: &[u8]) -> Result<(), BiasFileError> {
         let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         if words.next() == Some(b"TIME_SYSTEM") {
-            match words.next().unwrap_or_default() {
-                b"G" | b"GPS" => {}
-                b"UTC" => self.is_utc = true,
-                other => return Err(BiasFileError::TimeSystem { found: text(other) }),
-            }
+            let name = words.next().unwrap_or_default();
+            self.time_system = match name {
+                b"G" | b"E" | b"J" | b"I" => TimeSystem::Gps,
+                b"C" => TimeSystem::Beidou,
+                b"R" => TimeSystem::Utc,
+                name => {
+                    TimeSystem::of(name).ok_or_else(|| BiasFileError::TimeSystem { found: text(name) })?
+                }
+            };
         }
         Ok(())
     }
@@ -170,6 +176,10 @@ impl Reader {
                         bias.bias_s * 1e9
                     )
                 });
+            }
+            Some(CodeBias { satellite, signal, .. }) if satellite.cannot_send(signal).is_some() => {
+                let reason = satellite.cannot_send(signal).unwrap_or_default();
+                self.skips.add(reason, || Self::place(number, line));
             }
             Some(bias) => {
                 if real(columns(line, 104, 125)).is_some_and(|slope| slope != 0.0) {
@@ -217,14 +227,14 @@ impl Reader {
         let new_year =
             GpsTime::from_calendar(Calendar { year, month: 1, day: 1, hour: 0, minute: 0, second: 0.0 })?;
         let time = new_year + ((day - 1) * SECONDS_PER_DAY + second) as f64;
-        let leap_s = if self.is_utc { leap_seconds_at(time) as f64 } else { 0.0 };
-        Some(Some(time + leap_s))
+        Some(Some(self.time_system.to_gps(time)))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gnss::{NO_SUCH_SIGNAL, NOT_OF_ITS_GENERATION};
 
     const FILE: &str = "\
 %=BIA 1.00 TST 2020:227:30548 IGS 2020:226:00000 2020:227:00000 A 00000006
@@ -271,8 +281,38 @@ TIME_SYSTEM                             G
         let utc = FILE.replacen("   G\n", "   UTC\n", 1);
         let day: GpsTime = "2020-08-13T00:00:18".parse().unwrap();
         assert_eq!(parse(&utc).unwrap().biases[0].start, day);
-        let glonass = FILE.replacen("   G\n", "   R\n", 1);
-        assert_eq!(parse(&glonass), Err(BiasFileError::TimeSystem { found: "R".to_owned() }));
+        for (name, seconds) in [("R", 18.0), ("E", 0.0), ("C", 14.0), ("TAI", -19.0)] {
+            let other = FILE.replacen("   G\n", &format!("   {name}\n"), 1);
+            let start = parse(&other).unwrap().biases[0].start;
+            assert_eq!(start - "2020-08-13T00:00:00".parse::<GpsTime>().unwrap(), seconds, "{name}");
+        }
+        let unknown = FILE.replacen("   G\n", "   X\n", 1);
+        assert_eq!(parse(&unknown), Err(BiasFileError::TimeSystem { found: "X".to_owned() }));
+    }
+
+    #[test]
+    fn a_mark_and_blank_lines_before_the_first_are_passed_over() {
+        for before in ["\u{feff}", "\n", " \r\n\n", "\u{feff}\n"] {
+            let file = parse(&format!("{before}{FILE}")).unwrap();
+            assert_eq!((file.biases, file.skips.total()), (parse(FILE).unwrap().biases, 3), "{before:?}");
+        }
+    }
+
+    /// By the table of signals that the decoders of observations go by.
+    #[test]
+    fn biases_of_signals_that_cannot_be_are_counted_and_left_out() {
+        for (satellite, code, reason) in [
+            ("G01", "C5C", NO_SUCH_SIGNAL),
+            ("C20", "C1C", NO_SUCH_SIGNAL),
+            ("C20", "C7I", NOT_OF_ITS_GENERATION),
+            ("C10", "C7Z", NOT_OF_ITS_GENERATION),
+        ] {
+            let bad = format!("G063 {satellite}           {code}");
+            let file = parse(&FILE.replacen("G063 G01           C1C", &bad, 1)).unwrap();
+            assert_eq!((file.biases.len(), file.skips.count(reason)), (2, 1), "{code}: {}", file.skips);
+        }
+        let fine = FILE.replacen("G063 G01           C1C", "C232 C20           C7Z", 1);
+        assert_eq!(parse(&fine).unwrap().biases.len(), 3);
     }
 
     #[test]

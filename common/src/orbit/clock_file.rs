@@ -4,9 +4,10 @@
 //! no version lets touch. The header's LEAP SECONDS are not used: some centres give TAI − UTC there and others GPS − UTC.
 
 use crate::gnss::SatelliteId;
-use crate::rinex::{DecompressError, decompress, integer, lines, real, shorten, text};
+use crate::rinex::{DecompressError, columns, decompress, integer, lines_of_content, real, shorten, text};
 use crate::skips::Skips;
 use crate::time::{Calendar, GpsTime};
+use crate::time_system::TimeSystem;
 
 /// Clock offsets beyond this are not believed, s.
 const MAX_OFFSET_S: f64 = 0.1;
@@ -44,8 +45,8 @@ pub enum ClockFileError {
         /// Its text, shortened.
         found: String,
     },
-    /// A time system other than GPS time.
-    #[error("TIME SYSTEM ID '{found}' is not supported in clock files; GPS is")]
+    /// A time system that is not known.
+    #[error("TIME SYSTEM ID '{found}' of a clock file is not known; {names} are", names = TimeSystem::NAMES)]
     TimeSystem {
         /// What the header says.
         found: String,
@@ -75,9 +76,9 @@ impl ClockFile {
     /// counted in [`ClockFile::skips`].
     pub fn parse(bytes: &[u8]) -> Result<Self, ClockFileError> {
         let bytes = decompress(bytes)?;
-        let mut lines = lines(&bytes);
-        let mut last = header(&mut lines)?;
-        let mut reader = Reader::default();
+        let mut lines = lines_of_content(&bytes);
+        let (mut last, time_system) = header(&mut lines)?;
+        let mut reader = Reader { time_system, ..Reader::default() };
         for (number, line) in lines {
             last = number;
             reader.line(number, line);
@@ -90,8 +91,11 @@ impl ClockFile {
     }
 }
 
-/// Reads the header to its end; gives its number of lines.
-fn header<'a>(lines: &mut impl Iterator<Item = (u64, &'a [u8])>) -> Result<u64, ClockFileError> {
+/// Reads the header to its end; gives its number of lines and the time system, GPS time where none is named.
+fn header<'a>(
+    lines: &mut impl Iterator<Item = (u64, &'a [u8])>,
+) -> Result<(u64, TimeSystem), ClockFileError> {
+    let mut time_system = TimeSystem::Gps;
     let (mut last, first) = lines.next().unwrap_or_default();
     let mut words = words(first);
     let version = words.next().and_then(real).unwrap_or(0.0);
@@ -103,13 +107,13 @@ fn header<'a>(lines: &mut impl Iterator<Item = (u64, &'a [u8])>) -> Result<u64, 
     for (number, line) in lines {
         last = number;
         if is_labelled(line, b"END OF HEADER") {
-            return Ok(last);
+            return Ok((last, time_system));
         }
-        if is_labelled(line, b"TIME SYSTEM ID") {
-            let system = self::words(line).next().unwrap_or_default();
-            if system != b"GPS" {
-                return Err(ClockFileError::TimeSystem { found: text(system) });
-            }
+        if is_labelled(line, b"TIME SYSTEM ID")
+            && let Some(name) = self::words(columns(line, 0, 60)).next()
+        {
+            time_system =
+                TimeSystem::of(name).ok_or_else(|| ClockFileError::TimeSystem { found: text(name) })?;
         }
     }
     Err(ClockFileError::HeaderIncomplete { lines: last })
@@ -126,6 +130,7 @@ fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
 
 #[derive(Default)]
 struct Reader {
+    time_system: TimeSystem,
     records: Vec<ClockRecord>,
     last_epoch: Option<GpsTime>,
     /// A record far from the one before, and its line: believed when the next one is near it.
@@ -141,7 +146,7 @@ impl Reader {
         if !line.starts_with(b"AS ") {
             return;
         }
-        let Some(record) = satellite_clock(line) else {
+        let Some(record) = satellite_clock(line, self.time_system) else {
             self.skips.add("clock record cannot be read", || format!("line {number}: '{}'", shorten(line)));
             return;
         };
@@ -200,7 +205,7 @@ impl Reader {
 }
 
 /// `AS`, satellite, year to second, number of values, offset, and more.
-fn satellite_clock(line: &[u8]) -> Option<ClockRecord> {
+fn satellite_clock(line: &[u8], time_system: TimeSystem) -> Option<ClockRecord> {
     let mut words = words(line).skip(1);
     let satellite = SatelliteId::from_bytes(words.next()?.try_into().ok()?)?;
     let year = i32::try_from(integer(words.next()?)?).ok()?;
@@ -208,7 +213,8 @@ fn satellite_clock(line: &[u8]) -> Option<ClockRecord> {
     let (month, day, hour, minute) = (small()?, small()?, small()?, small()?);
     let second = real(words.next()?)?;
     let values = integer(words.next()?)?;
-    let time = GpsTime::from_calendar(Calendar { year, month, day, hour, minute, second })?;
+    let own = GpsTime::from_calendar(Calendar { year, month, day, hour, minute, second })?;
+    let time = time_system.to_gps(own);
     let clock_s = real(words.next()?)?;
     (1..=6).contains(&values).then_some(ClockRecord { satellite, time, clock_s })
 }
@@ -265,12 +271,37 @@ AS G02       2010 07 01 00 00  0.000000  2      2.500000000000E-04   1.500000000
         assert!(matches!(parse(""), Err(ClockFileError::NotClock { .. })));
         let future = VERSION_3.replacen("3.00", "4.00", 1);
         assert!(parse(&future).unwrap_err().to_string().contains("4.00"));
-        let utc = VERSION_3.replacen("   GPS   ", "   UTC   ", 1);
-        assert_eq!(parse(&utc), Err(ClockFileError::TimeSystem { found: "UTC".to_owned() }));
+        let other = VERSION_3.replacen("   GPS   ", "   XYZ   ", 1);
+        assert_eq!(parse(&other), Err(ClockFileError::TimeSystem { found: "XYZ".to_owned() }));
         let header: String = VERSION_3.split_inclusive('\n').take(3).collect();
         assert_eq!(parse(&header), Err(ClockFileError::HeaderIncomplete { lines: 3 }));
         let receivers: String = VERSION_3.split_inclusive('\n').take(5).collect();
         assert_eq!(parse(&receivers), Err(ClockFileError::Empty { lines: 5 }));
+    }
+
+    #[test]
+    fn times_of_other_systems_become_gps_time() {
+        for (name, seconds) in [
+            ("GPS", 0.0),
+            ("GAL", 0.0),
+            ("UTC", 15.0),
+            ("GLO", 15.0),
+            ("BDT", 14.0),
+            ("TAI", -19.0),
+            ("   ", 0.0),
+        ] {
+            let file = parse(&VERSION_3.replacen("   GPS   ", &format!("   {name}   "), 1)).unwrap();
+            let start: GpsTime = "2010-07-01T00:00:00".parse().unwrap();
+            assert_eq!(file.records[0].time - start, seconds, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_mark_and_blank_lines_before_the_first_are_passed_over() {
+        for before in ["\u{feff}", "\n", "  \r\n\n", "\u{feff}\r\n", "\n\u{feff}"] {
+            let marked = format!("{before}{VERSION_3}");
+            assert_eq!(parse(&marked).unwrap().records, parse(VERSION_3).unwrap().records, "{before:?}");
+        }
     }
 
     #[test]

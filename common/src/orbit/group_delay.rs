@@ -6,7 +6,7 @@
 
 use super::{ClockReference, NavigationMessage};
 use crate::constants::SPEED_OF_LIGHT_MPS;
-use crate::gnss::{Constellation, SignalCode};
+use crate::gnss::{Constellation, SatelliteId, SignalCode};
 
 /// Group delays that are known of a satellite, s; NaN where unknown.
 #[derive(Clone, Copy, Debug)]
@@ -22,15 +22,15 @@ impl GroupDelays {
     /// broadcast clock came from.
     pub(super) fn correction_m(
         self,
-        constellation: Constellation,
+        satellite: SatelliteId,
         signal: SignalCode,
         reference: ClockReference,
         message: NavigationMessage,
     ) -> Option<f64> {
-        let delay_s = match constellation {
+        let delay_s = match satellite.constellation {
             Constellation::Gps | Constellation::Qzss => self.gps(signal),
             Constellation::Galileo => self.galileo(signal, reference, message),
-            Constellation::Beidou => self.beidou(signal, reference),
+            Constellation::Beidou => self.beidou(satellite, signal, reference),
             _ => None,
         }?;
         delay_s.is_finite().then_some(SPEED_OF_LIGHT_MPS * delay_s)
@@ -69,11 +69,13 @@ impl GroupDelays {
 
     /// B1I −TGD1, B2I −TGD2, B3I none, for the broadcast clock, which is B3I's; that of the B1I/B3I pair is
     /// f₁²/(f₁² − f₃²)·TGD1 behind it.
-    fn beidou(self, signal: SignalCode, reference: ClockReference) -> Option<f64> {
+    ///
+    /// BeiDou-3 has no B2I. A code without an attribute is that of the band's open signal.
+    fn beidou(self, satellite: SatelliteId, signal: SignalCode, reference: ClockReference) -> Option<f64> {
         let from_b3 = match (signal.band, signal.attribute) {
             (b'2', _) => -self.first_s,
-            (b'6', _) => 0.0,
-            (b'7', b'I' | b'Q' | b'X') => -self.second_s,
+            (b'6', b'I' | b'Q' | b'X' | b' ') => 0.0,
+            (b'7', b'I' | b'Q' | b'X' | b' ') if !satellite.is_beidou_3() => -self.second_s,
             _ => return None,
         };
         match reference {
@@ -127,7 +129,8 @@ mod tests {
         message: NavigationMessage,
     ) -> Option<f64> {
         let signal = SignalCode::new(band, b'X');
-        let metres = DELAYS.correction_m(constellation, signal, reference, message)?;
+        let satellite = SatelliteId::new(constellation, 1);
+        let metres = DELAYS.correction_m(satellite, signal, reference, message)?;
         Some(metres / SPEED_OF_LIGHT_MPS * 1e9)
     }
 
@@ -211,9 +214,29 @@ mod tests {
     #[test]
     fn a_missing_delay_is_not_taken_for_zero() {
         let unknown = GroupDelays { first_s: f64::NAN, second_s: f64::NAN };
-        assert_eq!(unknown.correction_m(Gps, SignalCode::new(b'1', b'C'), Broadcast, Lnav), None);
+        let (gps, beidou) = (SatelliteId::new(Gps, 1), SatelliteId::new(Beidou, 1));
+        assert_eq!(unknown.correction_m(gps, SignalCode::new(b'1', b'C'), Broadcast, Lnav), None);
         let b3 = SignalCode::new(b'6', b'I');
-        assert_eq!(unknown.correction_m(Beidou, b3, Broadcast, BeidouD1D2), Some(0.0));
-        assert_eq!(unknown.correction_m(Beidou, b3, IonosphereFree, BeidouD1D2), None);
+        assert_eq!(unknown.correction_m(beidou, b3, Broadcast, BeidouD1D2), Some(0.0));
+        assert_eq!(unknown.correction_m(beidou, b3, IonosphereFree, BeidouD1D2), None);
+    }
+
+    #[test]
+    fn beidous_second_delay_is_that_of_b2i() {
+        let known = |number: u8, code: &[u8; 2]| {
+            let signal = SignalCode::new(code[0], code[1]);
+            DELAYS.correction_m(SatelliteId::new(Beidou, number), signal, Broadcast, BeidouD1D2).is_some()
+        };
+        for (code, of_2, of_3) in [
+            (b"7I", true, false),
+            (b"7 ", true, false),
+            (b"7D", false, false),
+            (b"2 ", true, true),
+            (b"6 ", true, true),
+            (b"6A", false, false),
+            (b"1P", false, false),
+        ] {
+            assert_eq!((known(18, code), known(19, code)), (of_2, of_3), "{}", code.escape_ascii());
+        }
     }
 }

@@ -204,7 +204,7 @@ impl Products {
         let nearest = main.or(fnav)?;
         let message = broadcast.in_force(satellite, time).unwrap_or(nearest).message;
         let (first_s, second_s) = nearest.group_delays_s;
-        GroupDelays { first_s, second_s }.correction_m(satellite.constellation, signal, reference, message)
+        GroupDelays { first_s, second_s }.correction_m(satellite, signal, reference, message)
     }
 
     /// Seconds between `time` and the nearest navigation message of any satellite, `None` without messages.

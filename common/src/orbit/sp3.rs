@@ -1,10 +1,14 @@
-//! SP3-c and SP3-d files of precise orbits and clocks (Hilla: The Extended Standard Product 3 Orbit Format).
+//! SP3-a to SP3-d files of precise orbits and clocks (Remondi 1989; Spofford and Remondi; Hilla: The Extended Standard Product 3
+//! Orbit Format).
 
 use crate::frames::Ecef;
 use crate::gnss::SatelliteId;
-use crate::rinex::{DecompressError, columns, decompress, integer, lines, real, shorten, text};
+use crate::rinex::{
+    DecompressError, columns, decompress, integer, is_blank, lines_of_content, real, shorten, text,
+};
 use crate::skips::Skips;
-use crate::time::{BEIDOU_BEHIND_GPS_S, Calendar, GpsTime};
+use crate::time::{Calendar, GpsTime};
+use crate::time_system::TimeSystem;
 
 /// Clock value (µs) from which on it means "missing" (999999.999999).
 const MISSING_CLOCK_US: f64 = 999_999.0;
@@ -42,20 +46,20 @@ pub struct Sp3 {
 /// Why an SP3 file cannot be read at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Sp3Error {
-    /// The first line is not that of an SP3-c or SP3-d file.
-    #[error("not an SP3-c or SP3-d file: the first line reads '{found}'")]
+    /// The first line is not that of an SP3 file.
+    #[error("not an SP3 file of version a, b, c or d: the first line reads '{found}'")]
     NotSp3 {
         /// Its text, shortened.
         found: String,
     },
     /// The second line has no usable interval.
-    #[error("SP3 line 2 has no epoch interval between 1 and 7200 s: '{found}'")]
+    #[error("SP3 line 2 (##) has no epoch interval between 1 and 7200 s: '{found}'")]
     Interval {
         /// Its text, shortened.
         found: String,
     },
-    /// A time system that needs leap seconds or is not known.
-    #[error("SP3 time system '{found}' is not supported; GPS, GAL, QZS, IRN and BDT are")]
+    /// A time system that is not known.
+    #[error("SP3 time system '{found}' is not known; {names} are", names = TimeSystem::NAMES)]
     TimeSystem {
         /// What the file says.
         found: String,
@@ -79,7 +83,7 @@ impl Sp3 {
     /// damage is counted in [`Sp3::skips`].
     pub fn parse(bytes: &[u8]) -> Result<Self, Sp3Error> {
         let bytes = decompress(bytes)?;
-        let mut lines = lines(&bytes);
+        let mut lines = lines_of_content(&bytes);
         let interval_s = header(&mut lines)?;
         let mut reader = Reader::default();
         let mut last = 2;
@@ -101,10 +105,13 @@ impl Sp3 {
 /// Checks the first two lines and gives the interval.
 fn header<'a>(lines: &mut impl Iterator<Item = (u64, &'a [u8])>) -> Result<f64, Sp3Error> {
     let (_, first) = lines.next().unwrap_or_default();
-    if !(first.starts_with(b"#c") || first.starts_with(b"#d")) {
+    let version = first.strip_prefix(b"#").and_then(|rest| rest.first()).map(u8::to_ascii_lowercase);
+    if !matches!(version, Some(b'a'..=b'd')) {
         return Err(Sp3Error::NotSp3 { found: shorten(first) });
     }
-    let (_, second) = lines.next().unwrap_or_default();
+    // Comments and empty lines have been seen before it.
+    let is_passed_over = |line: &[u8]| is_blank(line) || line.starts_with(b"/*");
+    let (_, second) = lines.find(|(_, line)| !is_passed_over(line)).unwrap_or_default();
     let (low, high) = INTERVAL_BOUNDS_S;
     let interval = real(columns(second, 24, 38)).filter(|s| (low..=high).contains(s));
     match interval {
@@ -115,7 +122,7 @@ fn header<'a>(lines: &mut impl Iterator<Item = (u64, &'a [u8])>) -> Result<f64, 
 
 #[derive(Default)]
 struct Reader {
-    to_gps_time_s: Option<f64>,
+    time_system: Option<TimeSystem>,
     /// The epoch being read; `None` before the first and after a damaged epoch line.
     epoch: Option<GpsTime>,
     last_epoch: Option<GpsTime>,
@@ -140,6 +147,7 @@ impl Reader {
             Some(b'E') if line.starts_with(b"EOF") => self.ended = true,
             // Satellite lists, accuracies, comments, velocities, correlations: nothing needed from them.
             Some(b'+' | b'#' | b'/' | b'V') | None => {}
+            Some(_) if is_blank(line) => {}
             Some(b'E') if line.starts_with(b"EP") || line.starts_with(b"EV") => {}
             Some(_) => {
                 self.skips.add("SP3 line of unknown kind", || format!("line {number}: '{}'", shorten(line)));
@@ -148,15 +156,15 @@ impl Reader {
         Ok(self.ended)
     }
 
-    /// The first %c line names the time system; "ccc" is the placeholder of the second.
+    /// The first %c line names the time system; "ccc" is the placeholder of versions a and b, which know GPS time alone.
     fn time_system(&mut self, line: &[u8]) -> Result<(), Sp3Error> {
-        if self.to_gps_time_s.is_none() && line.starts_with(b"%c") {
-            let system = text(columns(line, 9, 12));
-            self.to_gps_time_s = Some(match system.as_str() {
-                "GPS" | "GAL" | "QZS" | "IRN" | "" | "ccc" => 0.0,
-                "BDT" | "BDS" => BEIDOU_BEHIND_GPS_S,
-                _ => return Err(Sp3Error::TimeSystem { found: system }),
-            });
+        if self.time_system.is_none() && line.starts_with(b"%c") {
+            let name = columns(line, 9, 12);
+            let system = match name.trim_ascii() {
+                b"" | b"ccc" => TimeSystem::Gps,
+                name => TimeSystem::of(name).ok_or_else(|| Sp3Error::TimeSystem { found: text(name) })?,
+            };
+            self.time_system = Some(system);
         }
         Ok(())
     }
@@ -165,7 +173,7 @@ impl Reader {
         self.in_previous = self.in_epoch;
         self.in_epoch = 0;
         self.epoch = None;
-        let Some(time) = epoch_time(line).map(|t| t + self.to_gps_time_s.unwrap_or(0.0)) else {
+        let Some(time) = epoch_time(line).map(|own| self.time_system.unwrap_or_default().to_gps(own)) else {
             self.skips.add("SP3 epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
             return;
         };
@@ -187,7 +195,7 @@ impl Reader {
             self.skips.add("SP3 position without epoch", || format!("line {number}: '{}'", shorten(line)));
             return;
         };
-        let satellite = columns(line, 1, 4).first_chunk::<3>().and_then(|id| SatelliteId::from_bytes(*id));
+        let satellite = columns(line, 1, 4).first_chunk().and_then(|id| satellite(*id));
         let at = |k: usize| {
             let field = columns(line, 4 + 14 * k, 18 + 14 * k);
             if field.len() == 14 { real(field) } else { None }
@@ -238,6 +246,11 @@ impl Reader {
             });
         }
     }
+}
+
+/// The satellite of a position. Version a knows GPS alone and has bare numbers.
+fn satellite([letter, tens, ones]: [u8; 3]) -> Option<SatelliteId> {
+    SatelliteId::from_bytes([if letter == b' ' { b'G' } else { letter }, tens, ones])
 }
 
 fn epoch_time(line: &[u8]) -> Option<GpsTime> {

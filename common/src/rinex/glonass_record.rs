@@ -1,6 +1,6 @@
 //! One GLONASS record of a navigation file.
 
-use super::leap_seconds_at;
+use super::leap_seconds::leap_seconds_by;
 use super::navigation_record::{Fault, Record};
 use crate::frames::{Ecef, EcefVector};
 use crate::orbit::{GlonassEphemeris, RADIUS_BOUNDS_M, SPEED_BOUNDS_MPS, accuracy_m};
@@ -17,7 +17,7 @@ const MAX_L2_DELAY_S: f64 = 1e-6;
 /// Position and velocity or acceleration components are at these places, x first.
 const POSITION: [usize; 3] = [3, 7, 11];
 
-/// The ephemeris of a record. `leap_seconds` are those of the header; without, the table's serve.
+/// The ephemeris of a record. `leap_seconds` are those of the header, see [`leap_seconds_by`].
 pub(super) fn glonass_ephemeris(
     record: &Record,
     leap_seconds: Option<i64>,
@@ -62,7 +62,7 @@ fn reference(record: &Record, leap_seconds: Option<i64>) -> Result<GpsTime, Faul
     let off = of_day - (of_day / REFERENCE_GRID_S).round() * REFERENCE_GRID_S;
     check("seconds off the quarter of an hour", off, (-OFF_GRID_S, OFF_GRID_S))?;
     let utc = written - off;
-    Ok(utc + leap_seconds.unwrap_or_else(|| leap_seconds_at(utc)) as f64)
+    Ok(utc + leap_seconds_by(leap_seconds, utc) as f64)
 }
 
 /// The frequency channel. Some receivers' writers give it as a byte without sign.

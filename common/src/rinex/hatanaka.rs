@@ -164,7 +164,9 @@ impl Hatanaka {
         } else if let (Form::One, Some(first)) = (self.form, text.first_mut()) {
             *first = b' ';
         }
+        let missing = if self.form == Form::Three { epoch_3::columns_missing(&text) } else { 0 };
         let (flag_at, list_at) = self.form.places();
+        let (flag_at, list_at) = (flag_at - missing, list_at - missing);
         let flag = columns(&text, flag_at, flag_at + 1).first().copied();
         let count = integer(columns(&text, flag_at + 1, flag_at + 4)).and_then(|n| usize::try_from(n).ok());
         let timed = match self.form {

@@ -4,13 +4,15 @@ mod lists;
 
 use std::collections::BTreeMap;
 
+use super::equipment::Equipment;
 use super::types::ObservationType;
 use super::types_2::TypeList;
 use super::version::Version;
-use super::{RinexError, columns, integer, leap_seconds, leap_seconds_at, real, shorten, text};
+use super::{RinexError, columns, integer, label, leap_seconds, real, shorten, text};
 use crate::frames::Ecef;
 use crate::gnss::{Constellation, SatelliteId};
-use crate::time::{BEIDOU_BEHIND_GPS_S, Calendar, GpsTime};
+use crate::time::{Calendar, GpsTime};
+use crate::time_system::TimeSystem;
 
 /// Header of an observation file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,8 +21,8 @@ pub struct ObservationHeader {
     pub version: u16,
     /// Marker name, as written.
     pub marker_name: String,
-    /// Receiver (phone) type, as written.
-    pub receiver_type: String,
+    /// Receiver (phone), antenna and people, as written.
+    pub equipment: Equipment,
     /// Approximate position, `None` when absent or zero.
     pub approximate_position: Option<Ecef>,
     /// Interval between epochs, s, where stated.
@@ -32,9 +34,7 @@ pub struct ObservationHeader {
     /// The time system as written (GPS, GAL, BDT, …); empty when not stated: then the time of
     /// the file's one system, GPS time for a mixed file.
     pub time_system: String,
-    /// Seconds to add to the file's times to get GPS time.
-    pub to_gps_time_s: f64,
-    /// Columns per system, in file order.
+    /// Columns per system, in file order, with the codes as the file writes them. What they mean depends on the version.
     pub observation_types: BTreeMap<Constellation, Vec<ObservationType>>,
     /// GLONASS frequency channels by slot.
     pub glonass_channels: BTreeMap<u8, i8>,
@@ -58,15 +58,14 @@ pub(super) struct HeaderBuilder {
     first: Option<Box<ObservationHeader>>,
     version: Version,
     types_2: TypeList,
-    /// Times are in UTC and the header does not give the leap seconds.
-    utc_by_date: bool,
+    time_system: TimeSystem,
     lines: u64,
     /// System and number of types still to come on continuation lines.
     continued: Option<(Constellation, usize)>,
     scaled: Option<Scaled>,
     first_observation_own: Option<GpsTime>,
-    /// The line of the first observation's time, where that cannot be read. Only the time system is needed.
-    unread_time: Option<String>,
+    /// What is to be said about the header: reason and facts.
+    remarks: Vec<(&'static str, String)>,
 }
 
 /// A scale factor whose list of types is not complete yet.
@@ -87,9 +86,9 @@ impl HeaderBuilder {
         self.lines
     }
 
-    /// The line of the first observation's time, where that cannot be read.
-    pub(super) const fn unread_time(&mut self) -> Option<String> {
-        self.unread_time.take()
+    /// What is to be said about the header: reason and facts.
+    pub(super) fn take_remarks(&mut self) -> Vec<(&'static str, String)> {
+        std::mem::take(&mut self.remarks)
     }
 
     /// At the beginning of another header. GLONASS keeps its channels.
@@ -137,7 +136,7 @@ impl HeaderBuilder {
         if self.is_2() {
             return self.types_2();
         }
-        let constellation = Constellation::from_letter(letter as char);
+        let constellation = Constellation::from_letter(letter.to_ascii_uppercase() as char);
         constellation.and_then(|c| self.header.observation_types.get(&c)).map_or(0, Vec::len)
     }
 
@@ -152,13 +151,13 @@ impl HeaderBuilder {
     /// Takes a line; true when it was END OF HEADER.
     pub(super) fn line(&mut self, number: u64, line: &[u8]) -> Result<bool, RinexError> {
         self.lines += 1;
-        let label = columns(line, 60, 80).trim_ascii();
+        let label = label(line);
         if self.lines == 1 {
             self.version = Version::read(number, line, b"O", "observation")?;
             self.header.version = self.version.number;
             return Ok(false);
         }
-        self.record(line, label).map_err(|label| RinexError::HeaderLine {
+        self.record(line, &label).map_err(|label| RinexError::HeaderLine {
             line: number,
             label,
             text: shorten(line),
@@ -168,7 +167,7 @@ impl HeaderBuilder {
 
     /// Takes a line of an event. The time system is the file's and does not change.
     pub(super) fn line_between_epochs(&mut self, number: u64, line: &[u8]) -> Result<(), RinexError> {
-        if columns(line, 60, 80).trim_ascii() == b"TIME OF FIRST OBS" {
+        if label(line) == b"TIME OF FIRST OBS" {
             return Ok(());
         }
         self.line(number, line).map(|_| ())
@@ -178,7 +177,6 @@ impl HeaderBuilder {
     fn record(&mut self, line: &[u8], label: &[u8]) -> Result<(), &'static str> {
         match label {
             b"MARKER NAME" => self.header.marker_name = text(columns(line, 0, 60)),
-            b"REC # / TYPE / VERS" => self.header.receiver_type = text(columns(line, 20, 40)),
             b"APPROX POSITION XYZ" => self.header.approximate_position = position(line),
             b"INTERVAL" => self.header.interval_s = real(columns(line, 0, 10)).filter(|s| *s > 0.0),
             b"LEAP SECONDS" => self.header.leap_seconds = leap_seconds::header_line(line),
@@ -188,11 +186,15 @@ impl HeaderBuilder {
                 self.first_observation_own = calendar_of_header(line);
                 // Some writers are a column off.
                 self.header.time_system = text(columns(line, 46, 60));
-                self.unread_time = self.first_observation_own.is_none().then(|| shorten(line));
+                // Only the time system is needed.
+                if self.first_observation_own.is_none() {
+                    let reason = "header's time of the first observation cannot be read, not used";
+                    self.remarks.push((reason, shorten(line)));
+                }
             }
             b"# / TYPES OF OBSERV" => self.observation_types_2(line).ok_or(TYPES_2_LABEL)?,
             b"GLONASS SLOT / FRQ #" => self.glonass_slots(line),
-            _ => {}
+            _ => self.header.equipment.header_line(label, line),
         }
         Ok(())
     }
@@ -207,24 +209,35 @@ impl HeaderBuilder {
             ("", Some(Constellation::Beidou)) => "BDT",
             (stated, _) => stated,
         };
-        self.header.to_gps_time_s = match system {
-            "" | "GPS" | "GAL" | "QZS" | "IRN" => 0.0,
-            "BDT" | "BDS" => BEIDOU_BEHIND_GPS_S,
-            "GLO" | "UTC" => {
-                self.utc_by_date = self.header.leap_seconds.is_none();
-                let at = self.first_observation_own.unwrap_or_else(|| GpsTime::from_nanos(i64::MAX));
-                self.header.leap_seconds.unwrap_or_else(|| leap_seconds_at(at)) as f64
-            }
-            other => return Err(RinexError::TimeSystem { found: other.to_owned() }),
+        self.time_system = match system {
+            "" => TimeSystem::Gps,
+            other => TimeSystem::of(other.as_bytes())
+                .ok_or_else(|| RinexError::TimeSystem { found: other.to_owned() })?,
         };
+        self.check_leap_seconds();
         self.header.first_observation = self.first_observation_own.map(|time| self.to_gps(time));
         self.first.get_or_insert_with(|| Box::new(self.header.clone()));
         Ok(())
     }
 
+    /// Leap seconds that cannot be those of the first observation are named and not believed.
+    fn check_leap_seconds(&mut self) {
+        let (Some(stated), Some(first)) = (self.header.leap_seconds, self.first_observation_own) else {
+            return;
+        };
+        if let Some(known) = leap_seconds::corrected(stated, first) {
+            let facts = format!("{stated} s, but {known} s held at {first}");
+            self.remarks.push((leap_seconds::WRONG_IN_HEADER, facts));
+            self.header.leap_seconds = Some(known);
+        }
+    }
+
     /// A time of the file in GPS time.
     pub(super) fn to_gps(&self, own: GpsTime) -> GpsTime {
-        own + if self.utc_by_date { leap_seconds_at(own) as f64 } else { self.header.to_gps_time_s }
+        match self.time_system {
+            TimeSystem::Utc => own + leap_seconds::leap_seconds_by(self.header.leap_seconds, own) as f64,
+            system => system.to_gps(own),
+        }
     }
 }
 

@@ -9,11 +9,13 @@ mod decompress;
 mod differences;
 mod epoch_2;
 mod epoch_3;
+mod equipment;
 mod glonass_record;
 mod hatanaka;
 mod header;
 mod leap_seconds;
 mod line_assembly;
+mod meaning;
 mod navigation;
 mod navigation_decoder;
 mod navigation_header;
@@ -31,6 +33,7 @@ mod writer;
 
 pub(crate) use decimal::{integer, real};
 pub use decompress::{DecompressError, MAX_DECOMPRESSED_BYTES, Packing, decompress};
+pub use equipment::Equipment;
 pub use header::ObservationHeader;
 pub use leap_seconds::leap_seconds_at;
 pub use line_assembly::MAX_LINE_BYTES;
@@ -43,6 +46,9 @@ pub use types::{ObservationKind, ObservationType};
 pub use writer::{
     ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, navigation_header, navigation_record,
 };
+
+pub(crate) use crate::text::{is_blank, without_mark};
+use crate::time_system::TimeSystem;
 
 /// Why a file cannot be read at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -97,7 +103,7 @@ pub enum RinexError {
     #[error("the header has no list of observation types, so the columns have no meaning")]
     NoObservationTypes,
     /// A time system that is not known.
-    #[error("time system '{found}' in TIME OF FIRST OBS is not known; GPS, GAL, QZS, IRN, BDT, GLO, UTC are")]
+    #[error("time system '{found}' in TIME OF FIRST OBS is not known; {names} are", names = TimeSystem::NAMES)]
     TimeSystem {
         /// What the header says.
         found: String,
@@ -124,6 +130,16 @@ pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = (u64, &[u8])> {
         number += 1;
         (taken > 0).then(|| (number, trim_end(before.get(..taken).unwrap_or_default())))
     })
+}
+
+/// The lines of a file from the first one with content on; a byte order mark before it is no content.
+pub(crate) fn lines_of_content(bytes: &[u8]) -> impl Iterator<Item = (u64, &[u8])> {
+    lines(bytes).map(|(number, line)| (number, without_mark(line))).skip_while(|(_, line)| is_blank(line))
+}
+
+/// The label of a header line, in capitals.
+fn label(line: &[u8]) -> Vec<u8> {
+    columns(line, 60, 80).trim_ascii().to_ascii_uppercase()
 }
 
 /// Removes LF and CR from the end; files that were turned to DOS line ends twice have more than one CR.

@@ -1,10 +1,14 @@
 //! Whole navigation files, RINEX 2, 3 and 4.
 
+use std::collections::BTreeMap;
+
 use super::navigation_decoder::{Found, NavigationDecoder};
 use super::navigation_header::IonosphereTerms;
 use super::{RinexError, decompress};
+use crate::gnss::Constellation;
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
+use crate::time::GpsTime;
 
 /// A whole navigation file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,12 +43,35 @@ impl NavigationFile {
         // Of messages that differ in health alone the unhealthy one comes last, and so will be in force.
         kepler.sort_by(|(a, x), (b, y)| a.cmp(b).then(x.health.total_cmp(&y.health)));
         glonass.sort_by_key(|ephemeris| (ephemeris.toe, !ephemeris.is_healthy()));
-        Ok(Self {
+        let mut file = Self {
             ephemerides: kepler.into_iter().map(|(_, ephemeris)| ephemeris).collect(),
             glonass,
             ionosphere: decoder.ionosphere(),
             leap_seconds: decoder.leap_seconds(),
             skips: decoder.skips().clone(),
-        })
+        };
+        file.name_systems_of_other_weeks();
+        Ok(file)
+    }
+
+    /// A receiver that does not roll over the week of one system dates all of that system's messages 1,024 weeks from the others'.
+    fn name_systems_of_other_weeks(&mut self) {
+        let kepler = self.ephemerides.iter().map(|e| (e.satellite.constellation, e.toe));
+        let glonass = self.glonass.iter().map(|e| (e.satellite.constellation, e.toe));
+        let mut latest: BTreeMap<Constellation, (GpsTime, u64)> = BTreeMap::new();
+        for (constellation, toe) in kepler.chain(glonass) {
+            let (last, count) = latest.entry(constellation).or_insert((toe, 0));
+            *last = toe.max(*last);
+            *count += 1;
+        }
+        let of_all = latest.values().map(|(last, _)| *last).max();
+        for (constellation, (last, count)) in &latest {
+            if let Some(weeks) = of_all.and_then(|of_all| last.rollover_weeks_to(of_all)) {
+                self.skips.add("system whose weeks were not rolled over, as it seems; used as it is", || {
+                    let letter = constellation.letter();
+                    format!("{count} records of {letter} up to {last}; {weeks} weeks later they would fit the others")
+                });
+            }
+        }
     }
 }

@@ -5,7 +5,7 @@ use super::line_assembly::Line;
 use super::navigation_header::{IonosphereTerms, NavigationHeader};
 use super::navigation_record::{Fault, Record, ephemeris};
 use super::stream::Stream;
-use super::{RinexError, columns, leap_seconds_at, shorten, trim_end};
+use super::{RinexError, columns, is_blank, leap_seconds, shorten, trim_end, without_mark};
 use crate::gnss::Constellation;
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
@@ -66,8 +66,11 @@ impl NavigationDecoder {
 
     /// Takes a line and gives the ephemeris that the line before completed, if any. Errors only in the header.
     pub(super) fn line(&mut self, number: u64, line: &[u8]) -> Result<Option<Found>, RinexError> {
-        let line = trim_end(line);
+        let line = without_mark(trim_end(line));
         if !self.in_records {
+            if self.header.lines == 0 && is_blank(line) {
+                return Ok(None);
+            }
             self.in_records = self.header.line(number, line)?;
             self.has_begun |= self.in_records;
             return Ok(None);
@@ -180,21 +183,22 @@ impl NavigationDecoder {
     }
 
     fn ephemeris(&mut self, record: &Record) -> Result<Found, Fault> {
-        if record.satellite.constellation != Constellation::Glonass {
-            return ephemeris(record).map(|(sent, ephemeris)| Found::Kepler(sent, ephemeris));
-        }
         self.check_leap_seconds(record);
+        if record.satellite.constellation != Constellation::Glonass {
+            return ephemeris(record, &mut self.skips)
+                .map(|(sent, ephemeris)| Found::Kepler(sent, ephemeris));
+        }
         glonass_ephemeris(record, self.header.leap_seconds, &mut self.skips).map(Found::Glonass)
     }
 
-    /// A header that contradicts the table of leap seconds is believed, but named: a second is 3 km of GLONASS orbit.
+    /// A header whose leap seconds cannot be those of the records is named and not believed: a second is 3 km of GLONASS orbit.
     fn check_leap_seconds(&mut self, record: &Record) {
         let (Some(stated), Ok(epoch)) = (self.header.leap_seconds, record.own_epoch()) else { return };
-        let known = leap_seconds_at(epoch);
-        if stated != known {
-            self.skips.add("header's leap seconds are not those of the date; header used", || {
+        if let Some(known) = leap_seconds::corrected(stated, epoch) {
+            self.skips.add(leap_seconds::WRONG_IN_HEADER, || {
                 format!("line {}: {stated} s, but {known} s held at {epoch}", record.line)
             });
+            self.header.leap_seconds = Some(known);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::navigation_record::Record;
 use super::version::Version;
-use super::{RinexError, columns, leap_seconds, real};
+use super::{RinexError, columns, label, leap_seconds, real};
 use crate::atmosphere::KlobucharCoefficients;
 
 /// Ionosphere terms of a navigation file, per system.
@@ -43,7 +43,7 @@ impl NavigationHeader {
             self.version = Version::read(number, line, b"NGHE", NAVIGATION)?;
             return Ok(false);
         }
-        match columns(line, 60, 80).trim_ascii() {
+        match label(line).as_slice() {
             b"END OF HEADER" => return Ok(true),
             b"LEAP SECONDS" => self.leap_seconds = leap_seconds::header_line(line),
             b"IONOSPHERIC CORR" => self.ionosphere(line),

@@ -4,7 +4,10 @@ use super::version::year_2;
 use super::{columns, integer, real};
 use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{KeplerEphemeris, NavigationMessage, UNKNOWN_ACCURACY_M};
-use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, Calendar, GpsTime, SECONDS_PER_WEEK};
+use crate::skips::Skips;
+use crate::time::{
+    BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, Calendar, GpsTime, SECONDS_PER_WEEK, WEEKS_PER_ROLLOVER,
+};
 
 /// Clock reference and orbit reference are never farther apart than this, s.
 const MAX_TOE_TOC_S: f64 = 86_400.0;
@@ -152,11 +155,11 @@ fn small(field: &[u8]) -> Option<u32> {
 }
 
 /// The ephemeris of a record and the time of its transmission (its reference time where that is not known).
-pub(super) fn ephemeris(record: &Record) -> Result<(GpsTime, KeplerEphemeris), Fault> {
+pub(super) fn ephemeris(record: &Record, skips: &mut Skips) -> Result<(GpsTime, KeplerEphemeris), Fault> {
     let message = message(record)?;
     let toc = clock_reference(record)?;
     let toe_own_tow_s = record.between(11, "toe", 0.0, SECONDS_PER_WEEK)?;
-    let toe = orbit_reference(record, toc, toe_own_tow_s)?;
+    let toe = orbit_reference(record, toc, toe_own_tow_s, skips)?;
     let issue_of_data = issue_of_data(record)?;
     let ephemeris = KeplerEphemeris {
         satellite: record.satellite,
@@ -224,12 +227,17 @@ fn own_behind_gps_s(record: &Record) -> f64 {
 
 /// The instant whose time of week is toe, in the week that brings it nearest to the clock's reference. Files
 /// disagree on whether the week number goes with toe or with the transmission, so it is a check only.
-fn orbit_reference(record: &Record, toc: GpsTime, toe_own_tow_s: f64) -> Result<GpsTime, Fault> {
+fn orbit_reference(
+    record: &Record,
+    toc: GpsTime,
+    toe_own_tow_s: f64,
+    skips: &mut Skips,
+) -> Result<GpsTime, Fault> {
     let behind = own_behind_gps_s(record);
     let same_week = GpsTime::from_week_tow((toc - behind).week(), toe_own_tow_s) + behind;
     let weeks = ((toc - same_week) / SECONDS_PER_WEEK).round();
     let toe = same_week + weeks * SECONDS_PER_WEEK;
-    check_week(record, toe)?;
+    check_week(record, toe, skips)?;
     if (toe - toc).abs() > MAX_TOE_TOC_S {
         return Err(Fault {
             reason: "record with impossible values",
@@ -239,21 +247,28 @@ fn orbit_reference(record: &Record, toc: GpsTime, toe_own_tow_s: f64) -> Result<
     Ok(toe)
 }
 
-fn check_week(record: &Record, toe: GpsTime) -> Result<(), Fault> {
+fn check_week(record: &Record, toe: GpsTime, skips: &mut Skips) -> Result<(), Fault> {
     let week = record.between(21, "week", 0.0, 20_000.0)?;
-    let full = match record.satellite.constellation {
-        Constellation::Beidou => week + BEIDOU_WEEK_OFFSET as f64,
-        _ => week,
-    };
     // Some writers give the week as broadcast, modulo 1024.
-    let apart = (full - toe.week() as f64).rem_euclid(1024.0);
-    if apart.min(1024.0 - apart) > 1.0 {
-        return Err(Fault {
-            reason: "record with impossible values",
-            detail: format!("week {week} does not fit the epoch {toe}"),
-        });
+    let fits = |full: f64| {
+        let apart = (full - toe.week() as f64).rem_euclid(WEEKS_PER_ROLLOVER as f64);
+        apart.min(WEEKS_PER_ROLLOVER as f64 - apart) <= 1.0
+    };
+    let is_beidou = record.satellite.constellation == Constellation::Beidou;
+    if fits(if is_beidou { week + BEIDOU_WEEK_OFFSET as f64 } else { week }) {
+        return Ok(());
     }
-    Ok(())
+    // The other way to count is 1356 weeks off, which no mistake of another kind comes near.
+    if is_beidou && fits(week) {
+        skips.add("BeiDou record whose week counts from 1980, used", || {
+            format!("line {}: {} week {week} at {toe}", record.line, record.satellite)
+        });
+        return Ok(());
+    }
+    Err(Fault {
+        reason: "record with impossible values",
+        detail: format!("week {week} does not fit the epoch {toe}"),
+    })
 }
 
 /// Time of transmission, s of the own week; `toe` where the file does not know it.

@@ -8,7 +8,7 @@ use super::line_assembly::Line;
 use super::observation_record::Layouts;
 use super::pending::{PendingEpoch, PendingEvent, is_comment};
 use super::stream::Stream;
-use super::{RinexError, columns, lines, shorten, trim_end};
+use super::{RinexError, is_blank, label, lines, shorten, trim_end, without_mark};
 use crate::decode::Record;
 use crate::skips::Skips;
 use crate::time_order::TimeOrder;
@@ -75,11 +75,12 @@ impl ObservationDecoder {
     /// # Errors
     /// Only in the header: when it is not that of an observation file, or cannot be used.
     pub fn line(&mut self, number: u64, line: &[u8], take: Take<'_>) -> Result<(), RinexError> {
-        let line = trim_end(line);
+        let line = without_mark(trim_end(line));
         if begins_file(line) && !matches!(self.state, State::Header | State::Event(_)) {
             self.begin_again(number, line, take);
         }
-        if matches!(self.state, State::Header) && self.builder.lines() == 0 && self.compact_header(line)? {
+        let is_first = matches!(self.state, State::Header) && self.builder.lines() == 0;
+        if is_first && (is_blank(line) || self.compact_header(line)?) {
             return Ok(());
         }
         if self.hatanaka.is_none() || matches!(self.state, State::Header) {
@@ -101,7 +102,7 @@ impl ObservationDecoder {
 
     /// The two lines that Compact RINEX puts before the header.
     fn compact_header(&mut self, line: &[u8]) -> Result<bool, RinexError> {
-        let label = columns(line, 60, 80).trim_ascii();
+        let label = label(line);
         if self.hatanaka.is_some() && label.starts_with(b"CRINEX PROG") {
             return Ok(true);
         }
@@ -163,10 +164,10 @@ impl ObservationDecoder {
     fn take_line_of_header(&mut self, number: u64, line: &[u8]) -> Result<(), RinexError> {
         if self.builder.line(number, line)? {
             self.builder.complete()?;
-            if let Some(text) = self.builder.unread_time() {
-                self.skips.add("header's time of the first observation cannot be read, not used", || text);
+            for (reason, text) in self.builder.take_remarks() {
+                self.skips.add(reason, || text);
             }
-            self.layouts = Layouts::new(self.builder.header());
+            self.lay_out();
             self.state = State::Between;
         }
         Ok(())

@@ -3,18 +3,18 @@
 use super::ObservationType;
 use super::decimal::{Thousandths, thousandths};
 use super::header::ObservationHeader;
+use super::meaning::{Meaning, Remark, meaning};
 use super::types::ObservationKind;
 use super::{columns, shorten};
-use crate::gnss::{LossOfLock, Observation, SatelliteId, SignalCode};
+use crate::gnss::{
+    CN0_BOUNDS_DBHZ, DOPPLER_TOO_LARGE, LossOfLock, MAX_DOPPLER_HZ, Observation, PSEUDORANGE_BOUNDS_M,
+    SatelliteId, SignalCode,
+};
 use crate::skips::Skips;
 
-/// Pseudoranges outside these bounds (m) are impossible: no satellite in use is nearer or farther.
-const PSEUDORANGE_BOUNDS_M: (f64, f64) = (1e6, 1e9);
-/// Largest Doppler, Hz: a satellite's few kHz and ample room for the receiver's clock drift.
-const MAX_DOPPLER_HZ: f64 = 5e4;
-/// Largest carrier-to-noise density, dB-Hz.
-const MAX_CN0_DBHZ: f64 = 70.0;
 const SYSTEMS: usize = 7;
+/// BeiDou has a layout for each of its generations: the other one comes after those of the systems.
+const LAYOUTS: usize = SYSTEMS + 1;
 
 /// A column: which of the system's signals, what it holds, and the divisor of its thousandths.
 #[derive(Clone, Copy, Debug)]
@@ -24,17 +24,27 @@ struct Column {
     divisor: f64,
 }
 
-/// Columns of one system, settled once per header.
+/// A signal of a system's columns.
+#[derive(Clone, Copy, Debug)]
+struct Signal {
+    code: SignalCode,
+    /// Why its observations are not used.
+    refused: Option<&'static str>,
+}
+
+/// Columns of the satellites of one system (and generation), settled once per header.
 #[derive(Clone, Debug, Default)]
 struct Layout {
-    signals: Vec<SignalCode>,
+    signals: Vec<Signal>,
     columns: Vec<Column>,
 }
 
 /// Columns of all systems.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layouts {
-    by_system: [Layout; SYSTEMS],
+    layouts: [Layout; LAYOUTS],
+    /// Codes that are taken for what their version does not call so, with the reason.
+    taken: Vec<(&'static str, String)>,
 }
 
 /// Satellites already seen in an epoch.
@@ -53,15 +63,27 @@ impl Seen {
 }
 
 impl Layout {
-    fn new(types: &[ObservationType]) -> Self {
+    /// For satellites like `satellite`.
+    fn new(types: &[ObservationType], satellite: SatelliteId, version: u16) -> Self {
         let mut layout = Self::default();
         for observed in types {
-            let known = layout.signals.iter().position(|s| *s == observed.signal);
-            let signal = known.unwrap_or(layout.signals.len());
-            if known.is_none() {
-                layout.signals.push(observed.signal);
+            let Meaning { signal: code, remark } = meaning(observed, satellite.constellation, version, types);
+            let refused = match remark {
+                Remark::Refused(reason) => Some(reason),
+                _ if observed.kind == ObservationKind::Other => None,
+                _ => satellite.cannot_send(code),
+            };
+            let known = layout.signals.iter().position(|signal| signal.code == code);
+            let index = known.unwrap_or(layout.signals.len());
+            match layout.signals.get_mut(index) {
+                Some(signal) => signal.refused = signal.refused.or(refused),
+                None => layout.signals.push(Signal { code, refused }),
             }
-            layout.columns.push(Column { signal, kind: observed.kind, divisor: 1000.0 * observed.scale });
+            layout.columns.push(Column {
+                signal: index,
+                kind: observed.kind,
+                divisor: 1000.0 * observed.scale,
+            });
         }
         layout
     }
@@ -72,11 +94,31 @@ impl Layouts {
     pub(super) fn new(header: &ObservationHeader) -> Self {
         let mut layouts = Self::default();
         for (constellation, types) in &header.observation_types {
-            if let Some(slot) = layouts.by_system.get_mut(*constellation as usize) {
-                *slot = Layout::new(types);
+            // Any number of a generation will do.
+            for satellite in [1, u8::MAX].map(|number| SatelliteId::new(*constellation, number)) {
+                if let Some(slot) = layouts.layouts.get_mut(index_of(satellite)) {
+                    *slot = Layout::new(types, satellite, header.version);
+                }
+            }
+            for observed in types {
+                let Meaning { signal, remark } = meaning(observed, *constellation, header.version, types);
+                if let Remark::Taken(reason) = remark {
+                    let (letter, written) = (constellation.letter(), observed.signal);
+                    let description = format!("{letter} {:?} {written} is {signal}", observed.kind);
+                    layouts.taken.push((reason, description));
+                }
             }
         }
         layouts
+    }
+
+    /// Counts the codes that are taken for what their version does not call so, unless those before were the same.
+    pub(super) fn count_taken(&self, before: &Self, skips: &mut Skips) {
+        if self.taken != before.taken {
+            for (reason, description) in &self.taken {
+                skips.add(reason, || description.clone());
+            }
+        }
     }
 
     /// Decodes a satellite's line and appends one observation per signal with any value.
@@ -106,7 +148,7 @@ impl Layouts {
             skips.add("unknown satellite", || format!("line {number}: '{}'", shorten(&id)));
             return;
         };
-        let layout = self.by_system.get(satellite.constellation as usize);
+        let layout = self.layouts.get(index_of(satellite));
         let Some(layout) = layout.filter(|layout| !layout.columns.is_empty()) else {
             skips.add("satellite of a system without observation types", || {
                 format!("line {number}: {satellite}")
@@ -118,13 +160,18 @@ impl Layouts {
             return;
         }
         let base = observations.len();
-        observations.extend(layout.signals.iter().map(|signal| empty(satellite, *signal)));
+        observations.extend(layout.signals.iter().map(|signal| empty(satellite, signal.code)));
         let mut record = Record { number, satellite, skips };
         if let Some(slots) = observations.get_mut(base..) {
             record.fill(layout, values, slots);
         }
-        keep_from(observations, base);
+        record.keep(layout, observations, base);
     }
+}
+
+/// The place of a satellite's layout.
+const fn index_of(satellite: SatelliteId) -> usize {
+    if satellite.is_beidou_3() { SYSTEMS } else { satellite.constellation as usize }
 }
 
 const fn empty(satellite: SatelliteId, signal: SignalCode) -> Observation {
@@ -137,23 +184,6 @@ const fn empty(satellite: SatelliteId, signal: SignalCode) -> Observation {
         cn0_dbhz: None,
         loss_of_lock: LossOfLock { cycle_slip: false, half_cycle: false, noisier: false },
     }
-}
-
-/// Removes observations without any value from `base` on, keeping the order.
-fn keep_from(observations: &mut Vec<Observation>, base: usize) {
-    let mut kept = base;
-    for index in base..observations.len() {
-        let Some(observation) = observations.get(index) else { break };
-        let any = observation.pseudorange_m.is_some()
-            || observation.carrier_phase_cycles.is_some()
-            || observation.doppler_hz.is_some()
-            || observation.cn0_dbhz.is_some();
-        if any {
-            observations.swap(kept, index);
-            kept += 1;
-        }
-    }
-    observations.truncate(kept);
 }
 
 /// The line being decoded, for messages.
@@ -195,27 +225,50 @@ impl Record<'_> {
     }
 
     fn store(&mut self, column: &Column, value: f64, slot: &mut Observation) {
-        let (low, high) = PSEUDORANGE_BOUNDS_M;
+        let within = |(low, high): (f64, f64)| (low..=high).contains(&value);
         match column.kind {
-            ObservationKind::Pseudorange if (low..=high).contains(&value) => {
+            ObservationKind::Pseudorange if within(PSEUDORANGE_BOUNDS_M) => {
                 slot.pseudorange_m = Some(value);
             }
             ObservationKind::CarrierPhase => slot.carrier_phase_cycles = Some(value),
             ObservationKind::Doppler if value.abs() <= MAX_DOPPLER_HZ => slot.doppler_hz = Some(value),
-            ObservationKind::SignalStrength if (0.0..=MAX_CN0_DBHZ).contains(&value) => {
+            ObservationKind::SignalStrength if within(CN0_BOUNDS_DBHZ) => {
                 slot.cn0_dbhz = Some(value);
             }
             ObservationKind::Pseudorange => {
                 self.bad(column, slot, "pseudorange outside 1e6 to 1e9 m", &value.to_string());
             }
             ObservationKind::Doppler => {
-                self.bad(column, slot, "Doppler beyond 50000 Hz", &value.to_string());
+                self.bad(column, slot, DOPPLER_TOO_LARGE, &value.to_string());
             }
             ObservationKind::SignalStrength => {
                 self.bad(column, slot, "C/N0 outside 0 to 70 dB-Hz", &value.to_string());
             }
             ObservationKind::Other => {}
         }
+    }
+
+    /// Removes what has no value and what is refused from `base` on, keeping the order.
+    fn keep(&mut self, layout: &Layout, observations: &mut Vec<Observation>, base: usize) {
+        let mut kept = base;
+        for (index, signal) in (base..).zip(&layout.signals) {
+            let Some(observation) = observations.get(index) else { break };
+            let any = observation.pseudorange_m.is_some()
+                || observation.carrier_phase_cycles.is_some()
+                || observation.doppler_hz.is_some()
+                || observation.cn0_dbhz.is_some();
+            if !any {
+                continue;
+            }
+            if let Some(reason) = signal.refused {
+                let (number, satellite) = (self.number, self.satellite);
+                self.skips.add(reason, || format!("line {number}: {satellite} {}", signal.code));
+                continue;
+            }
+            observations.swap(kept, index);
+            kept += 1;
+        }
+        observations.truncate(kept);
     }
 
     #[cold]

@@ -1,6 +1,6 @@
 //! Observation types: what the columns of an observation file hold.
 
-use crate::gnss::{Constellation, SignalCode};
+use crate::gnss::SignalCode;
 
 /// What a column of an observation file holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,18 +28,14 @@ pub struct ObservationType {
     pub scale: f64,
 }
 
-/// An observation code of RINEX 3 and 4; `None` when it is none.
-pub(super) fn observation_type(
-    code: &[u8],
-    constellation: Constellation,
-    version: u16,
-) -> Option<ObservationType> {
+/// An observation code of RINEX 3 and 4 as it is written; `None` when it cannot be one of any system.
+pub(super) fn observation_type(code: &[u8]) -> Option<ObservationType> {
     let (letter, band, attribute) = match *code {
         [letter, band, attribute] => (letter, band, attribute),
         [letter, band] => (letter, band, b' '),
         _ => return None,
     };
-    let kind = match letter {
+    let kind = match letter.to_ascii_uppercase() {
         b'C' => ObservationKind::Pseudorange,
         b'L' => ObservationKind::CarrierPhase,
         b'D' => ObservationKind::Doppler,
@@ -47,19 +43,9 @@ pub(super) fn observation_type(
         b'A'..=b'Z' => ObservationKind::Other,
         _ => return None,
     };
-    if !band.is_ascii_digit() || !(attribute == b' ' || attribute.is_ascii_uppercase()) {
+    if !band.is_ascii_digit() || !(attribute == b' ' || attribute.is_ascii_alphabetic()) {
         return None;
     }
-    let band = beidou_b1i_band(constellation, band, attribute, version);
-    Some(ObservationType { kind, signal: SignalCode::new(band, attribute), scale: 1.0 })
-}
-
-/// RINEX 3.02 wrote BeiDou B1I as band 1; before and after it is band 2 (RINEX 3.05, notes on
-/// BeiDou observation codes).
-const fn beidou_b1i_band(constellation: Constellation, band: u8, attribute: u8, version: u16) -> u8 {
-    match (constellation, band, attribute) {
-        (Constellation::Beidou, b'1', b'I' | b'Q') => b'2',
-        (Constellation::Beidou, b'1', b'X') if version == 302 => b'2',
-        _ => band,
-    }
+    let signal = SignalCode::new(band, attribute.to_ascii_uppercase());
+    Some(ObservationType { kind, signal, scale: 1.0 })
 }

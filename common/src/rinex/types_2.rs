@@ -34,7 +34,8 @@ impl TypeList {
         }
         for index in 0..self.remaining.min(PER_LINE) {
             let code = columns(line, 6 + 6 * index, 12 + 6 * index).trim_ascii();
-            self.codes.push(*code.first_chunk::<2>().filter(|_| code.len() == 2)?);
+            let code = code.first_chunk::<2>().filter(|_| code.len() == 2)?;
+            self.codes.push(code.map(|letter| letter.to_ascii_uppercase()));
             self.remaining -= 1;
         }
         Some(())

@@ -1,7 +1,7 @@
 //! The first line of a RINEX file: version, type, system.
 
 use super::{RinexError, real, shorten, text};
-use super::{columns, integer};
+use super::{columns, integer, label};
 use crate::gnss::Constellation;
 
 /// What the first line says.
@@ -23,7 +23,7 @@ impl Version {
         kinds: &[u8],
         expected: &'static str,
     ) -> Result<Self, RinexError> {
-        if columns(line, 60, 80).trim_ascii() != b"RINEX VERSION / TYPE" {
+        if label(line) != b"RINEX VERSION / TYPE" {
             return Err(RinexError::NotRinex { line: number, found: shorten(line) });
         }
         let field = columns(line, 0, 9);
@@ -32,12 +32,12 @@ impl Version {
         let Some(version) = version.filter(known) else {
             return Err(RinexError::Version { found: text(field) });
         };
-        let kind = columns(line, 20, 21).first().copied().unwrap_or(b' ');
+        let kind = columns(line, 20, 21).first().copied().unwrap_or(b' ').to_ascii_uppercase();
         // The others exist in RINEX 2 alone.
         if !kinds.contains(&kind) || (version >= 300.0 && !b"ON".contains(&kind)) {
             return Err(RinexError::WrongType { expected, found: text(columns(line, 20, 40)) });
         }
-        let letter = columns(line, 40, 41).first().map_or(' ', |b| *b as char);
+        let letter = columns(line, 40, 41).first().map_or(' ', |b| b.to_ascii_uppercase() as char);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within 200 to 402
         Ok(Self { number: version as u16, kind, system: Constellation::from_letter(letter) })
     }

@@ -6,8 +6,6 @@ use crate::gnss::{EpochFlag, Observation, ObservationEpoch, SatelliteId, SignalC
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
-/// After this many messages in a row that are older than the last epoch, it is the last epoch's time that was wrong.
-const BACKWARD_LIMIT: u32 = 10;
 /// Why an observation of a legacy message is not used.
 const OUTRANKED: &str = "legacy observation of a signal that MSM has too";
 
@@ -75,33 +73,15 @@ pub(super) struct Assembler {
     phase_families: BTreeMap<(SatelliteId, SignalCode), Family>,
     /// Whether the multiple-message bit of this stream can be trusted to mark an epoch's last message.
     trust_last: bool,
-    backward: u32,
 }
 
 impl Default for Assembler {
     fn default() -> Self {
-        Self { pending: None, closed: None, phase_families: BTreeMap::new(), trust_last: true, backward: 0 }
+        Self { pending: None, closed: None, phase_families: BTreeMap::new(), trust_last: true }
     }
 }
 
 impl Assembler {
-    /// Whether a message of this time still belongs to the present or to a new epoch; one that is late is counted.
-    pub(super) fn admits(&mut self, time: GpsTime, skips: &mut Skips) -> bool {
-        let last = self.pending.as_ref().or(self.closed.as_ref()).map(|epoch| epoch.time);
-        let Some(last) = last.filter(|last| time < *last) else {
-            self.backward = 0;
-            return true;
-        };
-        self.backward += 1;
-        if self.backward > BACKWARD_LIMIT {
-            skips.add("the stream's time stepped back", || format!("from {last} to {time}"));
-            self.backward = 0;
-            return true;
-        }
-        skips.add("message older than the epoch before it", || format!("{time} after {last}"));
-        false
-    }
-
     /// Takes a message's observations; gives the epochs that it completes (its own, and one before it that lacked a last
     /// message).
     pub(super) fn add(&mut self, part: Part, skips: &mut Skips) -> [Option<ObservationEpoch>; 2] {

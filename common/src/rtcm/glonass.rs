@@ -5,10 +5,13 @@ use nalgebra::Vector3;
 
 use super::bits::{Bits, TooShort};
 use super::clock::StreamClock;
+use super::date::{Claim, Unit};
 use super::ephemeris::{Fault, power, within};
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{Constellation, SatelliteId};
+use crate::moscow::DAYS_OF_FOUR_YEARS;
 use crate::orbit::{GlonassEphemeris, RADIUS_BOUNDS_M, SPEED_BOUNDS_MPS, accuracy_m};
+use crate::time::GpsTime;
 
 /// t_b counts quarters of an hour of the Moscow day.
 const MILLIS_PER_INTERVAL: i64 = 900_000;
@@ -22,9 +25,6 @@ const LAST_CHANNEL: u32 = 20;
 const MAX_SLOT: f64 = 63.0;
 /// DF125: Δτ_n of all ones is "minus zero", which says that it is unknown.
 const UNKNOWN_L2_DELAY: u32 = 0b1_0000;
-/// How far the stream's beginning may be from the instant that stands for it, s. A date farther away is not believed.
-const DATE_LIMIT_S: f64 = 4.0 * 86_400.0;
-
 /// Slot and frequency channel.
 pub(super) fn channel(bytes: &[u8]) -> Result<(u8, i8), Fault> {
     let mut bits = Bits::new(bytes);
@@ -41,9 +41,18 @@ fn slot_and_channel(bits: &mut Bits<'_>) -> Result<(u8, i8), Fault> {
     Ok((slot, channel + LOWEST_CHANNEL))
 }
 
-/// Decodes the message. Its reference time lacks the date unless the satellite is a GLONASS-M, which sends the day: until observations have
-/// told the time (`told_time`), that day completes it; afterwards the day nearest to the stream's time does.
-pub(super) fn decode(bytes: &[u8], clock: &StreamClock, told_time: bool) -> Result<GlonassEphemeris, Fault> {
+/// A message as sent: all but its date is known.
+pub(super) struct Sent {
+    /// Its reference time is to be set.
+    ephemeris: GlonassEphemeris,
+    /// t_b, milliseconds of the Moscow day.
+    millis: i64,
+    /// N_T and N_4, as far as they are sent.
+    date: Option<(u32, Option<u32>)>,
+}
+
+/// Reads the message.
+pub(super) fn read(bytes: &[u8]) -> Result<Sent, Fault> {
     let mut bits = Bits::new(bytes);
     bits.skip(12);
     let (slot, frequency_channel) = slot_and_channel(&mut bits)?;
@@ -59,13 +68,9 @@ pub(super) fn decode(bytes: &[u8], clock: &StreamClock, told_time: bool) -> Resu
     let (position, velocity) = (of(|axis| axis.position_m), of(|axis| axis.velocity_mps));
     within("distance from the Earth's centre (m)", position.norm(), RADIUS_BOUNDS_M.0, RADIUS_BOUNDS_M.1)?;
     within("speed (m/s)", velocity.norm(), SPEED_BOUNDS_MPS.0, SPEED_BOUNDS_MPS.1)?;
-    let day = rest.day_of_four_years.filter(|_| !told_time);
-    let toe = clock
-        .resolve_moscow(day, i64::from(interval) * MILLIS_PER_INTERVAL, DATE_LIMIT_S)
-        .ok_or_else(|| Fault::Impossible(format!("t_b = {interval} near {}", clock.near)))?;
-    Ok(GlonassEphemeris {
+    let ephemeris = GlonassEphemeris {
         satellite: SatelliteId::new(Constellation::Glonass, slot),
-        toe,
+        toe: GpsTime::default(),
         position: Ecef(position),
         velocity: EcefVector(velocity),
         acceleration: EcefVector(of(|axis| axis.acceleration_mps2)),
@@ -77,7 +82,28 @@ pub(super) fn decode(bytes: &[u8], clock: &StreamClock, told_time: bool) -> Resu
         health_flags: Some(almanac_flags | rest.unhealthy_flag << 2),
         age_days: rest.age_days,
         accuracy_m: accuracy_m(rest.accuracy_factor),
-    })
+    };
+    Ok(Sent { ephemeris, millis: i64::from(interval) * MILLIS_PER_INTERVAL, date: rest.date })
+}
+
+impl Sent {
+    /// The date that it states, if it does.
+    pub(super) fn claim(&self, clock: &StreamClock) -> Option<Claim> {
+        let (day, four_years) = self.date?;
+        let as_sent = clock.of_date(day, four_years, self.millis)?;
+        let repeats_days = if four_years.is_some() { None } else { Some(DAYS_OF_FOUR_YEARS.into()) };
+        Some(Claim { satellite: self.ephemeris.satellite, as_sent, repeats_days, unit: Unit::Day })
+    }
+
+    /// Its reference time on the day that is nearest to the stream's time.
+    pub(super) fn on_nearest_day(&self, clock: &StreamClock) -> Option<GpsTime> {
+        clock.of_nearest_day(self.millis)
+    }
+
+    /// The ephemeris with its reference time.
+    pub(super) const fn dated(self, toe: GpsTime) -> GlonassEphemeris {
+        GlonassEphemeris { toe, ..self.ephemeris }
+    }
 }
 
 /// C_n of the almanac and whether it is there, as RINEX 3.05, table A10, has them.
@@ -111,7 +137,8 @@ struct Rest {
     l2_delay_s: Option<f64>,
     age_days: f64,
     accuracy_factor: Option<u8>,
-    day_of_four_years: Option<u32>,
+    /// Day of the four years, and number of the four years where it is sent.
+    date: Option<(u32, Option<u32>)>,
 }
 
 impl Rest {
@@ -128,6 +155,7 @@ impl Rest {
         let accuracy_factor = u8::try_from(bits.unsigned(4)?).ok();
         let day = bits.unsigned(11)?;
         let is_modern = bits.unsigned(2)? != 0;
+        let four_years = four_years(bits);
         Ok(Self {
             gamma,
             unhealthy_flag: u8::from(unhealthy && is_modern),
@@ -135,7 +163,14 @@ impl Rest {
             l2_delay_s: Some(l2_delay_s).filter(|_| is_modern && !is_delay_unknown),
             age_days,
             accuracy_factor: accuracy_factor.filter(|_| is_modern),
-            day_of_four_years: Some(day).filter(|_| is_modern),
+            date: Some((day, four_years)).filter(|_| is_modern && day > 0),
         })
     }
+}
+
+/// N_4 of the additional data, where the message has them.
+fn four_years(bits: &mut Bits<'_>) -> Option<u32> {
+    let is_there = bits.flag().ok()?;
+    bits.skip(11 + 32); // N^A, tau_c
+    bits.unsigned(5).ok().filter(|four_years| is_there && *four_years > 0)
 }

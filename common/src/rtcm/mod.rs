@@ -17,11 +17,16 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod admission;
 mod bits;
 mod clock;
+mod date;
+mod dating;
+mod descriptors;
 mod ephemeris;
 mod epoch;
 mod frame;
+mod gate;
 mod glonass;
 mod legacy;
 mod lock;
@@ -30,6 +35,8 @@ mod navigation;
 mod signals;
 mod station;
 
+pub use date::FIRST_WEEK;
+pub use dating::{Dating, DatingHint, StreamDates};
 pub use station::Station;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -38,6 +45,7 @@ use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::decode::{Decoder, Record, WrongStream};
 use crate::gnss::{Constellation, LossOfLock, Observation, ObservationEpoch, SatelliteId};
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
+use crate::rinex::Equipment;
 use crate::skips::Skips;
 use crate::time::GpsTime;
 use crate::time_order::TimeOrder;
@@ -70,6 +78,12 @@ impl RtcmOptions {
     pub const fn near(near: GpsTime) -> Self {
         Self { near, leap_seconds: 18 }
     }
+
+    fn clock(self) -> clock::StreamClock {
+        // Before 1980 there is no GPS time; at the end of the counter there is no room left to calculate.
+        let near = self.near.clamp(GpsTime::default(), GpsTime::from_nanos(i64::MAX / 2));
+        clock::StreamClock::near(near, self.leap_seconds)
+    }
 }
 
 /// Decodes an RTCM 3 stream.
@@ -77,6 +91,10 @@ impl RtcmOptions {
 pub struct RtcmDecoder {
     framer: frame::Framer,
     clock: clock::StreamClock,
+    dates: date::Dates,
+    /// Where the stream's dates are known to begin anew: frame and instant, in order.
+    known_dates: VecDeque<(u64, GpsTime)>,
+    gate: gate::Gate,
     assembler: epoch::Assembler,
     order: TimeOrder,
     locks: lock::LockTimes,
@@ -85,9 +103,8 @@ pub struct RtcmDecoder {
     /// The last one of each satellite and message number: streams repeat them.
     ephemerides: BTreeMap<(SatelliteId, u32), KeplerEphemeris>,
     glonass_ephemerides: BTreeMap<u8, GlonassEphemeris>,
-    /// Whether an observation message has told the time.
-    told_time: bool,
     station: Option<Station>,
+    equipment: Equipment,
     records: VecDeque<Record>,
     skips: Skips,
 }
@@ -95,11 +112,12 @@ pub struct RtcmDecoder {
 impl RtcmDecoder {
     /// A decoder at the beginning of a stream.
     pub fn new(options: RtcmOptions) -> Self {
-        // Before 1980 there is no GPS time; at the end of the counter there is no room left to calculate.
-        let near = options.near.clamp(GpsTime::default(), GpsTime::from_nanos(i64::MAX / 2));
         Self {
             framer: frame::Framer::default(),
-            clock: clock::StreamClock { near, leap_seconds: options.leap_seconds },
+            clock: options.clock(),
+            dates: date::Dates::default(),
+            known_dates: VecDeque::new(),
+            gate: gate::Gate::default(),
             assembler: epoch::Assembler::default(),
             order: TimeOrder::of(UNIT),
             locks: lock::LockTimes::default(),
@@ -107,11 +125,19 @@ impl RtcmDecoder {
             glonass_channels: BTreeMap::new(),
             ephemerides: BTreeMap::new(),
             glonass_ephemerides: BTreeMap::new(),
-            told_time: false,
             station: None,
+            equipment: Equipment::default(),
             records: VecDeque::new(),
             skips: Skips::default(),
         }
+    }
+
+    /// The same for a recording whose dates have been found before.
+    #[must_use]
+    pub fn with_dates(mut self, dates: &StreamDates) -> Self {
+        self.clock.move_near(dates.begins());
+        self.known_dates = dates.changes().iter().copied().collect();
+        self
     }
 
     /// Valid frames so far, of whatever message.
@@ -129,9 +155,22 @@ impl RtcmDecoder {
         self.station
     }
 
+    /// Receiver and antenna of the station, as far as messages 1007, 1008 and 1033 tell.
+    pub const fn equipment(&self) -> &Equipment {
+        &self.equipment
+    }
+
     fn drain(&mut self, ended: bool) {
         while let Some(message) = self.framer.next(ended, MAX_BYTES_BEFORE_FIRST_FRAME, &mut self.skips) {
+            self.follow_known_dates();
             self.message(&message);
+        }
+    }
+
+    fn follow_known_dates(&mut self) {
+        let frame = self.framer.frames();
+        while let Some((_, time)) = self.known_dates.pop_front_if(|(begins, _)| *begins <= frame) {
+            self.begin_at(time);
         }
     }
 
@@ -163,6 +202,7 @@ impl RtcmDecoder {
             (None, 1019 | 1042 | 1044..=1046) => self.ephemeris(bytes, number),
             (None, 1020) => self.glonass_ephemeris(bytes),
             (None, 1005 | 1006) => self.station_position(bytes, number),
+            (None, 1007 | 1008 | 1033) => self.station_equipment(bytes, number),
             _ => {
                 self.skips.add(&format!("message {number} is not read"), || format!("{} bytes", bytes.len()));
             }
@@ -178,7 +218,7 @@ impl RtcmDecoder {
                 return;
             }
         };
-        let Some(time) = self.admitted(number, constellation, message.sent) else { return };
+        let Some(time) = self.admitted(bytes, constellation, message.sent) else { return };
         let observations =
             message.cells.iter().filter_map(|cell| self.observation(time, &message, cell)).collect();
         let part = Part { time, family: Family::Msm, more_follow: message.more_follow, observations };
@@ -199,23 +239,11 @@ impl RtcmDecoder {
         }
     }
 
-    /// The time of an observation message that is not too late; the stream's clock follows it.
-    fn admitted(
-        &mut self,
-        number: u32,
-        constellation: Constellation,
-        sent: clock::SentTime,
-    ) -> Option<GpsTime> {
-        let Some(time) = self.clock.resolve(constellation, sent) else {
-            self.skips.add("message with an impossible time", || format!("message {number}: {sent:?}"));
-            return None;
-        };
-        if !self.assembler.admits(time, &mut self.skips) {
-            return None;
+    fn station_equipment(&mut self, bytes: &[u8], number: u32) {
+        match descriptors::decode(bytes, number) {
+            Ok(equipment) => self.equipment.fill(&equipment),
+            Err(_) => self.too_short(bytes, number),
         }
-        self.clock.near = time;
-        self.told_time = true;
-        Some(time)
     }
 
     fn too_short(&mut self, bytes: &[u8], number: u32) {
@@ -309,6 +337,7 @@ impl Decoder for RtcmDecoder {
 
     fn finish(&mut self) -> Result<(), WrongStream> {
         self.drain(true);
+        self.release_waiting();
         let last = self.assembler.finish(&mut self.skips);
         self.give(last);
         self.order.finish(None, &mut self.skips, &mut |record| self.records.push_back(record));

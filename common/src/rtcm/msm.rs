@@ -138,10 +138,7 @@ impl Rough {
 pub(super) fn decode(bytes: &[u8], constellation: Constellation, level: Level) -> Result<Message, Fault> {
     let mut bits = Bits::new(bytes);
     bits.skip(12 + 12); // message number, station
-    let sent = match constellation {
-        Constellation::Glonass => SentTime::Glonass { day: bits.unsigned(3)?, millis: bits.unsigned(27)? },
-        _ => SentTime::OfWeek(bits.unsigned(30)?),
-    };
+    let sent = SentTime::of_msm(&mut bits, constellation)?;
     let more_follow = bits.flag()?;
     bits.skip(3 + 7 + 2 + 2 + 1 + 3); // issue of station data, reserved, clock steering, external clock, smoothing
     let satellites = bits.mask(64)?;

@@ -2,8 +2,8 @@
 
 use crate::gnss::{Constellation, SignalCode};
 
-/// The signal of a bit of the signal mask, 1-32 (RTCM 10403.3, tables 3.5-91, -96, -99, -105, -108). `None` for a reserved
-/// bit.
+/// The signal of a bit of the signal mask, 1-32 (RTCM 10403.3, tables 3.5-91, -96, -99, -105, -108; for B2b, 25-27, its amendment
+/// 2). `None` for a reserved bit.
 pub(super) const fn signal(constellation: Constellation, bit: u8) -> Option<SignalCode> {
     let (band, attribute) = match constellation {
         Constellation::Gps => match bit {
@@ -83,6 +83,8 @@ pub(super) const fn signal(constellation: Constellation, bit: u8) -> Option<Sign
             23 => (b'5', b'P'),
             24 => (b'5', b'X'),
             25 => (b'7', b'D'),
+            26 => (b'7', b'P'),
+            27 => (b'7', b'Z'),
             30 => (b'1', b'D'),
             31 => (b'1', b'P'),
             32 => (b'1', b'X'),
@@ -105,7 +107,7 @@ mod tests {
             (Constellation::Glonass, 4),
             (Constellation::Galileo, 19),
             (Constellation::Qzss, 13),
-            (Constellation::Beidou, 16),
+            (Constellation::Beidou, 18),
         ] {
             let mut signals: Vec<_> = (0..=40).filter_map(|bit| signal(constellation, bit)).collect();
             assert!(signals.iter().all(|s| s.frequency_hz(constellation, Some(0)).is_some()));

@@ -2,12 +2,15 @@
 //!
 //! Vehicle n drives as the lead vehicle did n·τ earlier, n·d further back (Newell's car-following law), so the gap
 //! along the road lies between d (standing) and d + τ·v. Each follower's gap also varies smoothly with the place, by
-//! at most A, and each vehicle moves sideways in its lane by at most O. Standing vehicles stand still.
+//! at most A, and each vehicle moves sideways in its lane by at most O. Standing vehicles stand still. A phone keeps its
+//! place in its vehicle, which points along the road.
 
 use std::f64::consts::TAU;
 
+use super::mount::Mount;
 use super::profile::SpeedProfile;
 use super::road::{Road, RoadPoint};
+use super::street::RoadPlace;
 use crate::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 
 /// Length of one period of the gap variation along the road, m.
@@ -15,9 +18,24 @@ const VARIATION_PERIOD_M: f64 = 430.0;
 /// Mean Earth radius, for the drop of the horizon below the tangent plane, m.
 const EARTH_RADIUS_M: f64 = 6_371_000.0;
 
-/// How the vehicles keep their distance.
+/// Smallest bound of a vertical velocity, m/s: a constraint needs some room.
+const LEAST_VERTICAL_MPS: f64 = 0.05;
+
+/// How the vehicles move.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Traffic {
+    /// They drive through a town, with stops.
+    #[default]
+    Town,
+    /// They stand.
+    Standing,
+}
+
+/// How the vehicles move and keep their distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConvoyOptions {
+    /// How they move.
+    pub traffic: Traffic,
     /// Distance between phones of adjacent standing vehicles (d), m.
     pub standstill_gap_m: f64,
     /// Time gap (τ), s.
@@ -31,21 +49,25 @@ pub struct ConvoyOptions {
 impl Default for ConvoyOptions {
     /// About 16 m at a light and 26 m at 14 m/s.
     fn default() -> Self {
-        Self { standstill_gap_m: 16.0, headway_s: 0.7, gap_variation_m: 1.0, lateral_m: 0.4 }
+        Self {
+            traffic: Traffic::Town,
+            standstill_gap_m: 16.0,
+            headway_s: 0.7,
+            gap_variation_m: 1.0,
+            lateral_m: 0.4,
+        }
     }
 }
 
-/// Where a vehicle (and the phone in it) is, and where the road goes there.
+/// Where a vehicle, or a phone in it, is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VehicleState {
     /// Position, m.
     pub position: Ecef,
     /// Velocity, m/s.
     pub velocity: EcefVector,
-    /// Distance along the road, m; grows beyond one lap.
-    pub road_m: f64,
-    /// Heading of the road, rad clockwise from north.
-    pub heading_rad: f64,
+    /// Its place on the road.
+    pub(super) place: RoadPlace,
 }
 
 /// The convoy: vehicle 0 leads.
@@ -61,7 +83,11 @@ impl Convoy {
     /// A convoy on the standard road around `origin`.
     pub fn new(origin: Geodetic, options: ConvoyOptions) -> Self {
         let frame = LocalFrame::at(origin.geodetic_to_ecef());
-        Self { road: Road::circuit(), profile: SpeedProfile::town(), options, frame }
+        let profile = match options.traffic {
+            Traffic::Town => SpeedProfile::town(),
+            Traffic::Standing => SpeedProfile::standing(),
+        };
+        Self { road: Road::circuit(), profile, options, frame }
     }
 
     /// The road.
@@ -76,17 +102,34 @@ impl Convoy {
 
     /// Vehicle `vehicle` at `time_s` since the start.
     pub fn state(&self, vehicle: usize, time_s: f64) -> VehicleState {
+        self.phone_state(vehicle, &Mount::default(), time_s)
+    }
+
+    /// A phone in vehicle `vehicle` at `time_s` since the start.
+    pub fn phone_state(&self, vehicle: usize, mount: &Mount, time_s: f64) -> VehicleState {
         let (road_m, road_mps) = self.along(vehicle, time_s);
         let point = self.road.at(road_m);
         let wave_number = TAU * (23.0 + vehicle as f64) / self.road.lap_m();
         let (sin, cos) = (wave_number * road_m + vehicle as f64).sin_cos();
-        let offset = (self.options.lateral_m * sin, self.options.lateral_m * wave_number * cos);
-        let (place, per_metre) = place_beside(&point, offset);
+        let lateral_m = self.options.lateral_m;
+        let beside = Beside {
+            forward_m: mount.forward_m,
+            right_m: lateral_m * sin + mount.right_m,
+            right_rate: lateral_m * wave_number * cos,
+            up_m: mount.up_m,
+        };
+        let (place, per_metre) = beside.place(&point);
         VehicleState {
             position: self.frame.enu_to_ecef(place),
             velocity: self.frame.vector_enu_to_ecef((per_metre.vector() * road_mps).into()),
-            road_m,
-            heading_rad: point.heading_rad,
+            place: RoadPlace {
+                road_m: road_m + mount.forward_m,
+                lap_m: self.road.lap_m(),
+                heading_rad: point.heading_rad,
+                turn_radps: point.curvature_1pm * road_mps,
+                right_m: beside.right_m,
+                right_mps: beside.right_rate * road_mps,
+            },
         }
     }
 
@@ -97,7 +140,7 @@ impl Convoy {
 
     /// Bound of |vertical velocity| at the vehicle, m/s.
     pub fn maximum_vertical_mps(&self) -> f64 {
-        self.maximum_speed_mps() * (self.road.maximum_slope() + 1e-3)
+        (self.maximum_speed_mps() * (self.road.maximum_slope() + 1e-3)).max(LEAST_VERTICAL_MPS)
     }
 
     /// Bounds (m) that the distance of two vehicles keeps at every common instant.
@@ -110,7 +153,7 @@ impl Convoy {
         if ranks == 0.0 {
             return (0.0, 0.0);
         }
-        let ConvoyOptions { standstill_gap_m, headway_s, gap_variation_m, lateral_m } = self.options;
+        let ConvoyOptions { standstill_gap_m, headway_s, gap_variation_m, lateral_m, .. } = self.options;
         let varying = if a.min(b) == 0 { 1.0 } else { 2.0 } * gap_variation_m;
         let lower = (ranks * standstill_gap_m - varying).max(0.0);
         let upper = ranks * (standstill_gap_m + headway_s * self.profile.maximum_speed_mps()) + varying;
@@ -137,19 +180,33 @@ impl Convoy {
     }
 }
 
-/// Local coordinates of a place to the right of the centre line by `offset` (m, and its change per metre of road), and
-/// their derivative by the road's length. The tangent plane is bent down to the curved Earth.
-fn place_beside(point: &RoadPoint, offset: (f64, f64)) -> (Enu, Enu) {
-    let (right, right_rate) = offset;
-    let (sin, cos) = point.heading_rad.sin_cos();
-    let east = point.east_m + right * cos;
-    let north = point.north_m - right * sin;
-    let forward = 1.0 - point.curvature_1pm * right;
-    let east_rate = forward * sin + right_rate * cos;
-    let north_rate = forward * cos - right_rate * sin;
-    let up = point.height_m - (east * east + north * north) / (2.0 * EARTH_RADIUS_M);
-    let up_rate = point.slope - (east * east_rate + north * north_rate) / EARTH_RADIUS_M;
-    (Enu { east, north, up }, Enu { east: east_rate, north: north_rate, up: up_rate })
+/// A place beside a point of the centre line.
+struct Beside {
+    /// Ahead of it, in the road's direction there, m.
+    forward_m: f64,
+    /// To the right of it, m.
+    right_m: f64,
+    /// Change of that per metre of road.
+    right_rate: f64,
+    /// Above it, m.
+    up_m: f64,
+}
+
+impl Beside {
+    /// Local coordinates, and their derivative by the road's length. The tangent plane is bent down to the curved Earth.
+    fn place(&self, point: &RoadPoint) -> (Enu, Enu) {
+        let Self { forward_m, right_m, right_rate, up_m } = *self;
+        let (sin, cos) = point.heading_rad.sin_cos();
+        let east = point.east_m + forward_m * sin + right_m * cos;
+        let north = point.north_m + forward_m * cos - right_m * sin;
+        let along_rate = 1.0 - point.curvature_1pm * right_m;
+        let across_rate = right_rate + point.curvature_1pm * forward_m;
+        let east_rate = along_rate * sin + across_rate * cos;
+        let north_rate = along_rate * cos - across_rate * sin;
+        let up = point.height_m + up_m - (east * east + north * north) / (2.0 * EARTH_RADIUS_M);
+        let up_rate = point.slope - (east * east_rate + north * north_rate) / EARTH_RADIUS_M;
+        (Enu { east, north, up }, Enu { east: east_rate, north: north_rate, up: up_rate })
+    }
 }
 
 #[cfg(test)]
@@ -174,10 +231,15 @@ mod tests {
             }
             let up = LocalFrame::at(state.position).vector_ecef_to_enu(state.velocity).up;
             prop_assert!(up.abs() <= convoy.maximum_vertical_mps(), "{up}");
-            let h = 1e-3;
-            let before = convoy.state(vehicle, time_s - h).position;
-            let derivative = (convoy.state(vehicle, time_s + h).position - before).0 / (2.0 * h);
-            prop_assert!((derivative - state.velocity.0).norm() < 1e-4);
+            let rear_right = Mount::open(-1.5, 0.6, 0.4);
+            for mount in [Mount::default(), rear_right] {
+                let at = |time_s: f64| convoy.phone_state(vehicle, &mount, time_s);
+                let h = 1e-3;
+                let derivative = (at(time_s + h).position - at(time_s - h).position).0 / (2.0 * h);
+                prop_assert!((derivative - at(time_s).velocity.0).norm() < 1e-4);
+            }
+            let apart_m = convoy.phone_state(vehicle, &rear_right, time_s).position.distance_m(state.position);
+            prop_assert!((apart_m - rear_right.distance_m(&Mount::default())).abs() < 1e-3, "{apart_m}");
         }
     }
 

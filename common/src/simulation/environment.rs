@@ -1,34 +1,16 @@
-//! What surrounds a phone: open sky, or a street canyon that blocks and reflects.
+//! Errors of a phone's measurements, and the random processes that they follow.
 //!
-//! A canyon is a stretch of road between rows of houses of height h at the distance w. A satellite at the angle Δ from
-//! the street's direction is blocked below the elevation atan(h·|sin Δ| / w): across the street much, along it little.
-//!
-//! Multipath is a first-order Gauss-Markov process of unit variance, x ← x·e^(−Δt/τ) + √(1 − e^(−2Δt/τ))·n, scaled by
-//! elevation and surroundings. Now and then a satellite is received by reflection only: a constant positive error for
-//! some seconds.
+//! Three kinds of error come from surroundings. *Façades* beside the road hide satellites and reflect them
+//! ([`super::street`]); what arrives is the sum of the direct and the reflected signal ([`Mixture`]). *Diffuse
+//! multipath* of everything else is a first-order Gauss-Markov process of unit variance,
+//! x ← x·e^(−Δt/τ) + √(1 − e^(−2Δt/τ))·n, scaled by elevation and surroundings; part of it is common to the phones of one
+//! vehicle. Now and then a satellite is received by a *passing reflection* only (vans, lorries): a constant positive
+//! error for some seconds.
 
 use rand::Rng;
 use rand_distr::StandardNormal;
 
-use crate::frames::Direction;
-
-/// Elevation below which nothing is received, rad (5°).
-const HORIZON_RAD: f64 = 0.087_266;
-
-/// A stretch of road between houses.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Canyon {
-    /// Where it begins, as distance along the road from the start of a lap, m.
-    pub from_m: f64,
-    /// Where it ends, m.
-    pub to_m: f64,
-    /// Height of the houses above the phones, m.
-    pub height_m: f64,
-    /// Distance of the houses from the lane, m.
-    pub half_width_m: f64,
-}
-
-/// Time-correlated and gross errors. The demonstration's values are those of [`ErrorModel::default`].
+/// Sizes of the errors. All scenarios have those of [`ErrorModel::default`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorModel {
     /// Code noise: σ² = a + b·10^(−C/N0/10); a in m².
@@ -45,12 +27,16 @@ pub struct ErrorModel {
     pub multipath_canyon_m: f64,
     /// Correlation time τ of the multipath, s.
     pub multipath_correlation_s: f64,
-    /// Reflected-only receptions per satellite and second in open surroundings.
-    pub outliers_open_hz: f64,
-    /// The same in a canyon.
-    pub outliers_canyon_hz: f64,
-    /// Standard deviation of the shadowing, dB; four times that in a canyon.
+    /// Share of the multipath's variance that is common to the phones of one vehicle, 0 to 1.
+    pub multipath_shared: f64,
+    /// Passing reflections per satellite and second.
+    pub outliers_hz: f64,
+    /// Share of the façades that reflect, 0 to 1.
+    pub facades_reflecting: f64,
+    /// Standard deviation of the shadowing, dB; twice that in a canyon.
     pub shadowing_db: f64,
+    /// Standard deviation of a satellite's range by its message: orbit and clock, constant, the same at all phones, m.
+    pub signal_in_space_m: f64,
     /// Ionosphere: true delay over the broadcast model's.
     pub ionosphere_scale: f64,
     /// Troposphere: true delay over the model's.
@@ -70,9 +56,11 @@ impl Default for ErrorModel {
             multipath_open_m: 5.0,
             multipath_canyon_m: 9.0,
             multipath_correlation_s: 20.0,
-            outliers_open_hz: 1.0 / 3_000.0,
-            outliers_canyon_hz: 1.0 / 150.0,
+            multipath_shared: 0.3,
+            outliers_hz: 1.0 / 3_000.0,
+            facades_reflecting: 0.6,
             shadowing_db: 1.0,
+            signal_in_space_m: 0.5,
             ionosphere_scale: 1.15,
             troposphere_scale: 1.02,
             l5_delay_m: 0.8,
@@ -91,9 +79,11 @@ impl ErrorModel {
             multipath_open_m: 0.0,
             multipath_canyon_m: 0.0,
             multipath_correlation_s: 20.0,
-            outliers_open_hz: 0.0,
-            outliers_canyon_hz: 0.0,
+            multipath_shared: 0.0,
+            outliers_hz: 0.0,
+            facades_reflecting: 0.0,
             shadowing_db: 0.0,
+            signal_in_space_m: 0.0,
             ionosphere_scale: 1.0,
             troposphere_scale: 1.0,
             l5_delay_m: 0.0,
@@ -117,33 +107,38 @@ impl ErrorModel {
     }
 }
 
-/// The surroundings of one phone at one instant.
+/// What arrives of a satellite: the direct signal, a reflected one, or both.
+///
+/// With the relative amplitude α, the phase φ and the delay d of the reflection, a delay short against a chip moves the
+/// code by d·α(α + cos φ)/(1 + 2α·cos φ + α²) and changes the strength by |1 + α·e^(iφ)| (Kaplan & Hegarty,
+/// "Understanding GPS/GNSS", ch. 9, for a narrow correlator). Without the direct signal (α → ∞) the error is d.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Surroundings {
-    canyon: Option<Canyon>,
-    heading_rad: f64,
+pub(super) struct Mixture {
+    /// Strength against an undisturbed direct signal, dB.
+    pub gain_db: f64,
+    /// Share of the reflection's delay that the code is late by.
+    pub delayed: f64,
 }
 
-impl Surroundings {
-    /// At `road_m` along a closed road of `lap_m`, which has the direction `heading_rad` there.
-    pub(super) fn at(canyons: &[Canyon], road_m: f64, lap_m: f64, heading_rad: f64) -> Self {
-        let place_m = road_m.rem_euclid(lap_m);
-        let canyon = canyons.iter().find(|canyon| (canyon.from_m..canyon.to_m).contains(&place_m));
-        Self { canyon: canyon.copied(), heading_rad }
-    }
-
-    /// Whether the phone is in a canyon.
-    pub(super) const fn in_canyon(&self) -> bool {
-        self.canyon.is_some()
-    }
-
-    /// Whether the direct signal from a direction arrives.
-    pub(super) fn is_visible(&self, direction: Direction) -> bool {
-        let skyline_rad = self.canyon.map_or(0.0, |canyon| {
-            let across = (direction.azimuth_rad - self.heading_rad).sin().abs();
-            (canyon.height_m * across).atan2(canyon.half_width_m)
-        });
-        direction.elevation_rad > skyline_rad.max(HORIZON_RAD)
+impl Mixture {
+    /// Of a direct and a reflected signal by their losses (dB, `None` when absent), at a phase (rad); `None` when
+    /// nothing arrives.
+    pub(super) fn of(direct_db: Option<f64>, reflected_db: Option<f64>, phase_rad: f64) -> Option<Self> {
+        match (direct_db, reflected_db) {
+            (None, None) => None,
+            (Some(loss_db), None) => Some(Self { gain_db: -loss_db, delayed: 0.0 }),
+            (None, Some(loss_db)) => Some(Self { gain_db: -loss_db, delayed: 1.0 }),
+            (Some(direct_db), Some(reflected_db)) => {
+                let alpha = 10_f64.powf((direct_db - reflected_db) / 20.0);
+                let power = 1.0 + alpha * (2.0 * phase_rad.cos() + alpha);
+                // Two equal signals may cancel out: 40 dB are lost anyway.
+                let power = power.max(1e-4);
+                Some(Self {
+                    gain_db: 10.0 * power.log10() - direct_db,
+                    delayed: alpha * (alpha + phase_rad.cos()) / power,
+                })
+            }
+        }
     }
 }
 
@@ -228,15 +223,19 @@ mod tests {
     }
 
     #[test]
-    fn a_canyon_blocks_across_and_not_along() {
-        let canyon = Canyon { from_m: 100.0, to_m: 200.0, height_m: 20.0, half_width_m: 10.0 };
-        let seen = |road_m: f64, azimuth_deg: f64, elevation_deg: f64| {
-            let azimuth_rad = azimuth_deg.to_radians();
-            Surroundings::at(&[canyon], road_m, 1_000.0, 30.0_f64.to_radians())
-                .is_visible(Direction { azimuth_rad, elevation_rad: elevation_deg.to_radians() })
+    fn a_mixture_goes_from_the_direct_signal_to_the_reflected_one() {
+        let of = |reflected_db: f64, phase_rad: f64| {
+            Mixture::of(Some(3.0), Some(reflected_db), phase_rad).unwrap()
         };
-        assert!(seen(50.0, 120.0, 10.0) && !seen(50.0, 120.0, 4.0));
-        assert!(!seen(1_150.0, 120.0, 60.0) && seen(1_150.0, 120.0, 65.0));
-        assert!(!seen(150.0, 300.0, 60.0) && seen(150.0, 210.0, 10.0));
+        assert_eq!(Mixture::of(None, None, 0.0), None);
+        assert_eq!(Mixture::of(Some(3.0), None, 1.0), Some(Mixture { gain_db: -3.0, delayed: 0.0 }));
+        assert_eq!(Mixture::of(None, Some(9.0), 1.0), Some(Mixture { gain_db: -9.0, delayed: 1.0 }));
+        // Half the amplitude, in phase: 1.5 times the amplitude, a third of the delay; in opposition: minus the delay.
+        let half_db = 3.0 + 20.0 * 2.0_f64.log10();
+        let (together, against) = (of(half_db, 0.0), of(half_db, std::f64::consts::PI));
+        assert!((together.delayed - 1.0 / 3.0).abs() < 1e-9 && (together.gain_db - 0.522).abs() < 1e-3);
+        assert!((against.delayed + 1.0).abs() < 1e-9 && (against.gain_db + 9.021).abs() < 1e-3);
+        assert!(of(80.0, 0.5).delayed.abs() < 1e-3 && (of(-80.0, 0.5).delayed - 1.0).abs() < 1e-3);
+        assert!(of(3.0, std::f64::consts::PI).gain_db > -45.0);
     }
 }

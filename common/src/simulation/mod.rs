@@ -1,9 +1,19 @@
-//! A seeded, simulated convoy with truth: for demonstrations and for tests that need no files.
+//! Seeded, simulated drives with truth: for demonstrations, samples, and tests that need no files.
 //!
-//! A [`Scenario`] says what happens, a [`Simulation`] makes it: vehicles with one phone each follow each other on a
-//! closed road, stop at lights and pass a street canyon; GPS, Galileo and BeiDou satellites are described by the same
-//! broadcast messages that a receiver uses; and every phone records code and Doppler on its own time tags by its own
-//! clock. The truth belongs to the true instant of reception.
+//! A [`Scenario`] says what happens, a [`Simulation`] makes it: vehicles with one phone or more follow each other on a
+//! closed road, stop at lights and pass streets between houses, or stand; GPS, Galileo and BeiDou satellites are described
+//! by the same broadcast messages that a receiver uses; and every phone records code and Doppler on its own time tags by
+//! its own clock. The truth belongs to the true instant of reception.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `scenario`, `named` | what to simulate; the scenarios that have a name |
+//! | `road`, `profile`, `convoy`, `mount` | where vehicles and phones are |
+//! | `street` | houses that hide and reflect satellites |
+//! | `constellation`, `satellites`, `geometry` | orbits, messages, light time |
+//! | `environment`, `tracks`, `receiver` | errors, their random processes, clocks |
+//! | `observations` | all of it together: epochs |
+//! | `constraints` | what is known about the phones, and true |
 //!
 //! ```
 //! use cofix_common::simulation::{Scenario, Simulation};
@@ -17,41 +27,47 @@
 //! # Ok::<(), cofix_common::simulation::ScenarioError>(())
 //! ```
 //!
-//! Everything random follows from the seed. The constellation, each phone's clock, and each satellite at each phone
-//! have ChaCha streams of their own, so results do not depend on which phone is asked first. Sines and exponentials
-//! come from the platform, so two platforms may differ in the last digits.
+//! Everything random follows from the seed. The constellation, each phone's clock, each satellite at each phone, and
+//! each piece of a façade have ChaCha streams of their own, so results do not depend on which phone is asked first.
+//! Sines and exponentials come from the platform, so two platforms may differ in the last digits.
 //!
-//! Not simulated: carrier phase, cycle slips, GLONASS, antenna patterns, several phones in one vehicle, errors of
-//! orbits and satellite clocks, and any correlation of multipath between phones or with speed.
+//! Phones of one vehicle share what they share on a real one: errors of orbits, clocks and atmosphere, reflections by
+//! houses, and a part of the diffuse multipath. Not simulated: carrier phase, cycle slips, GLONASS, diffraction at roofs,
+//! second reflections, and any dependence of the multipath's correlation on speed.
 
 mod constellation;
+mod constraints;
 mod convoy;
 mod environment;
 mod geometry;
+mod mount;
+mod named;
 mod observations;
 mod profile;
+mod random;
 mod receiver;
 mod road;
 mod satellites;
 mod scenario;
+mod street;
+mod tracks;
 
-pub use convoy::{Convoy, ConvoyOptions, VehicleState};
-pub use environment::{Canyon, ErrorModel};
+pub use convoy::{Convoy, ConvoyOptions, Traffic, VehicleState};
+pub use environment::ErrorModel;
+pub use mount::Mount;
 pub use observations::{Fault, PhoneEpochs, SimulatedEpoch, TruthState};
 pub use receiver::{ClockOptions, ClockState, InterSystemBiases};
 pub use road::{Road, RoadPoint};
 pub use scenario::{PhoneOptions, Scenario, ScenarioError};
-
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+pub use street::{Canyon, Facade};
 
 use crate::atmosphere::KlobucharCoefficients;
-use crate::constraint::Constraint;
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, Products, SatelliteState};
 use crate::rinex::{IonosphereTerms, NavigationFile};
 use crate::time::GpsTime;
 
+use random::Streams;
 use satellites::SimulatedSatellite;
 
 /// The ionosphere that the messages tell: a day of moderate solar activity.
@@ -77,9 +93,10 @@ impl Simulation {
     /// The first field of the scenario that cannot be simulated.
     pub fn new(scenario: Scenario) -> Result<Self, ScenarioError> {
         scenario.validate()?;
-        let mut random = stream(scenario.seed, 0, 0);
-        let ephemerides = constellation::ephemerides(scenario.start_gps, scenario.end_gps(), &mut random);
-        let satellites = SimulatedSatellite::group(&ephemerides, &mut random);
+        let streams = Streams::new(scenario.seed);
+        let ephemerides =
+            constellation::ephemerides(scenario.start_gps, scenario.end_gps(), &mut streams.world());
+        let satellites = SimulatedSatellite::group(&ephemerides, &mut streams.untold());
         let convoy = Convoy::new(scenario.origin, scenario.convoy);
         Ok(Self { scenario, convoy, ephemerides, satellites })
     }
@@ -94,7 +111,7 @@ impl Simulation {
         &self.convoy
     }
 
-    /// Names of the phones in the order of the convoy; their position here is their index everywhere.
+    /// Names of the phones; their position here is their index everywhere.
     pub fn phone_names(&self) -> Vec<&str> {
         self.scenario.phones.iter().map(|phone| phone.name.as_str()).collect()
     }
@@ -141,9 +158,12 @@ impl Simulation {
         self.scenario.phones.get(phone).map(|options| PhoneEpochs::new(self, phone, options))
     }
 
-    /// Where a phone truly is at any instant.
+    /// Where a phone truly is at any instant. An index without a phone stands for the vehicle of that rank.
     pub fn truth_at(&self, phone: usize, time_gps: GpsTime) -> TruthState {
-        let state = self.convoy.state(phone, time_gps - self.scenario.start_gps);
+        let options = self.scenario.phones.get(phone);
+        let (vehicle, mount) =
+            options.map_or((phone, Mount::default()), |options| (options.vehicle, options.mount));
+        let state = self.convoy.phone_state(vehicle, &mount, time_gps - self.scenario.start_gps);
         TruthState { time_gps, position: state.position, velocity: state.velocity }
     }
 
@@ -156,39 +176,11 @@ impl Simulation {
             .collect()
     }
 
-    /// Constraints that the truth keeps: the distance of every pair.
-    pub fn distance_constraints(&self) -> Vec<Constraint> {
-        let count = self.scenario.phones.len();
-        let pairs = (0..count).flat_map(|first| (first + 1..count).map(move |second| (first, second)));
-        pairs
-            .map(|phones| {
-                let (minimum_m, maximum_m) = self.convoy.distance_bounds_m(phones.0, phones.1);
-                Constraint::Distance { phones, minimum_m, maximum_m }
-            })
-            .collect()
-    }
-
-    /// Constraints that the truth keeps: the vertical velocity of every phone.
-    pub fn vertical_velocity_constraints(&self) -> Vec<Constraint> {
-        let maximum_mps = self.convoy.maximum_vertical_mps();
-        (0..self.scenario.phones.len())
-            .map(|phone| Constraint::VerticalVelocity { phone, maximum_mps })
-            .collect()
-    }
-
     fn satellites(&self) -> &[SimulatedSatellite] {
         &self.satellites
     }
 
-    /// The random stream of a phone's clock (`satellite` 0) or of a satellite there (its index plus 1).
-    fn random(&self, phone: usize, satellite: usize) -> ChaCha8Rng {
-        stream(self.scenario.seed, phone, satellite)
+    const fn streams(&self) -> Streams {
+        Streams::new(self.scenario.seed)
     }
-}
-
-/// Streams of one seed: (0, 0) is the world's, (phone + 1, …) a phone's.
-fn stream(seed: u64, phone: usize, satellite: usize) -> ChaCha8Rng {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    random.set_stream(((phone as u64) << 16) | satellite as u64);
-    random
 }

@@ -3,16 +3,16 @@
 //! At the true instant of reception t = tag − dt_r the phone is at r_k. With the path of [`super::geometry`],
 //!
 //! ```text
-//! P   = ρ + c·(dt_r + ISB) − c·dT_s + I + T + c·TGD + multipath + outlier + noise
-//! −λD = ρ̇ + c·(ḋt_r − ḋT_s) + noise
+//! P   = ρ + c·(dt_r + ISB) − c·dT_s + I + T + c·TGD + signal in space + reflection + multipath + outlier + noise
+//! −λD = ρ̇ + c·(ḋt_r − ḋT_s) + reflection + noise
 //! ```
 //!
-//! I and T are the delays of the models that a receiver corrects with (Klobuchar, and Saastamoinen at
+//! The reflection is that of [`super::street`] by its share in what arrives. I and T are the delays of the models that a receiver corrects with (Klobuchar, and Saastamoinen at
 //! [`STANDARD_RELATIVE_HUMIDITY`]), times a scale that is not one.
 
-use rand::Rng;
+use std::f64::consts::PI;
+
 use rand_chacha::ChaCha8Rng;
-use rand_distr::StandardNormal;
 
 use crate::atmosphere::{
     STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
@@ -25,18 +25,18 @@ use crate::gnss::{
 use crate::time::GpsTime;
 
 use super::Simulation;
-use super::environment::{ErrorModel, GaussMarkov, Outlier, Surroundings};
+use super::environment::{ErrorModel, Mixture};
 use super::geometry::{Path, path};
 use super::receiver::{ClockState, InterSystemBiases};
 use super::satellites::SimulatedSatellite;
 use super::scenario::PhoneOptions;
+use super::street::{Facades, Surroundings};
+use super::tracks::{Draws, SharedTrack, Track};
 
 /// C/N0 below which a signal is lost, dB-Hz.
 const LOST_BELOW_DBHZ: f64 = 18.0;
-/// Loss of a signal that arrives by reflection only, dB.
-const REFLECTION_LOSS_DB: f64 = 8.0;
-/// Correlation time of the shadowing, s.
-const SHADOWING_CORRELATION_S: f64 = 5.0;
+/// Loss of a passing reflection, dB.
+const PASSING_LOSS_DB: f64 = 8.0;
 
 /// Where a phone truly was.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,38 +69,20 @@ pub struct SimulatedEpoch {
     pub clock: ClockState,
     /// Satellites in `epoch` with a gross error.
     pub faults: Vec<Fault>,
-    /// Whether the phone was in a canyon.
+    /// Whether there were houses right beside the phone.
     pub in_canyon: bool,
-}
-
-/// The random processes of one satellite at one phone. It has a random stream of its own and draws equally often
-/// whatever happens, so that what blocks one satellite changes nothing for the others.
-struct Track {
-    random: ChaCha8Rng,
-    shadowing: GaussMarkov,
-    multipath: [GaussMarkov; 2],
-    outlier: Outlier,
-}
-
-/// What the processes of a satellite give at one epoch.
-struct Draws {
-    shadowing: f64,
-    multipath: [f64; 2],
-    outlier_m: f64,
-    code_noise: [f64; 2],
-    rate_noise: [f64; 2],
 }
 
 /// Iterator over the epochs of one phone.
 pub struct PhoneEpochs<'a> {
     simulation: &'a Simulation,
     phone: &'a PhoneOptions,
-    vehicle: usize,
     errors: ErrorModel,
     biases: InterSystemBiases,
     clock: ClockState,
     clock_random: ChaCha8Rng,
     tracks: Vec<Track>,
+    shared: Vec<SharedTrack>,
     next_tag_s: f64,
     last_tag_s: f64,
     tag_index: f64,
@@ -112,56 +94,74 @@ struct Instant<'a> {
     truth: TruthState,
     clock: ClockState,
     frame: LocalFrame,
-    surroundings: Surroundings,
+    surroundings: Surroundings<'a>,
+    heading_rad: f64,
 }
 
-impl Track {
-    fn start(mut random: ChaCha8Rng) -> Self {
-        let shadowing = GaussMarkov::start(&mut random);
-        let multipath = [GaussMarkov::start(&mut random), GaussMarkov::start(&mut random)];
-        Self { random, shadowing, multipath, outlier: Outlier::default() }
-    }
-
-    fn advance(&mut self, step_s: f64, errors: &ErrorModel, in_canyon: bool) -> Draws {
-        let random = &mut self.random;
-        let rate_hz = if in_canyon { errors.outliers_canyon_hz } else { errors.outliers_open_hz };
-        let mut normal = |_| random.sample::<f64, _>(StandardNormal);
-        let (code_noise, rate_noise) = ([0, 1].map(&mut normal), [0, 1].map(&mut normal));
-        Draws {
-            shadowing: self.shadowing.advance(step_s, SHADOWING_CORRELATION_S, random),
-            multipath: self
-                .multipath
-                .each_mut()
-                .map(|process| process.advance(step_s, errors.multipath_correlation_s, random)),
-            outlier_m: self.outlier.advance(step_s, rate_hz, random),
-            code_noise,
-            rate_noise,
-        }
-    }
+/// A satellite as a phone receives it at one instant, on all signals.
+struct Reception {
+    path: Path,
+    direction: Direction,
+    mixture: Mixture,
+    /// Delay by reflection and passing reflection, m.
+    late_m: f64,
+    /// Change of the former, m/s.
+    late_mps: f64,
 }
 
 impl<'a> PhoneEpochs<'a> {
-    pub(super) fn new(simulation: &'a Simulation, vehicle: usize, phone: &'a PhoneOptions) -> Self {
+    pub(super) fn new(simulation: &'a Simulation, index: usize, phone: &'a PhoneOptions) -> Self {
         let scenario = simulation.scenario();
-        let mut clock_random = simulation.random(vehicle + 1, 0);
+        let streams = simulation.streams();
+        let errors = scenario.error_model();
+        let mut clock_random = streams.phone(index);
         let biases = InterSystemBiases::draw(&mut clock_random);
-        let tracks = (0..simulation.satellites().len())
-            .map(|satellite| Track::start(simulation.random(vehicle + 1, satellite + 1)))
-            .collect();
+        let satellites = 0..simulation.satellites().len();
+        let tracks = satellites.clone().map(|satellite| Track::start(streams.satellite(index, satellite)));
+        let shared =
+            satellites.map(|satellite| SharedTrack::start(streams.vehicle(phone.vehicle, satellite)));
         let tag_index = (phone.starts_after_s / scenario.interval_s).ceil();
-        Self {
+        let mut epochs = Self {
             simulation,
             phone,
-            vehicle,
-            errors: scenario.error_model(),
+            errors,
             biases,
             clock: phone.clock.into(),
             clock_random,
-            tracks,
+            tracks: tracks.collect(),
+            shared: shared.collect(),
             next_tag_s: tag_index * scenario.interval_s + phone.epoch_offset_s,
             last_tag_s: scenario.duration_s - phone.stops_before_s,
             tag_index,
+        };
+        // Phones of one vehicle start at different times, and share what the vehicle has.
+        let mut before = 0.0;
+        while before < tag_index {
+            epochs.advance_shared();
+            before += 1.0;
         }
+        epochs
+    }
+
+    fn advance_shared(&mut self) -> Vec<[f64; 2]> {
+        let step_s = self.simulation.scenario().interval_s;
+        self.shared.iter_mut().map(|track| track.advance(step_s, &self.errors)).collect()
+    }
+
+    /// The draws of all satellites, with the vehicle's part of the multipath.
+    fn draw(&mut self) -> Vec<Draws> {
+        let step_s = self.simulation.scenario().interval_s;
+        let shared = self.advance_shared();
+        let (own, common) =
+            ((1.0 - self.errors.multipath_shared).sqrt(), self.errors.multipath_shared.sqrt());
+        let with_shared = |(track, shared): (&mut Track, [f64; 2])| {
+            let mut draws = track.advance(step_s, &self.errors);
+            for (multipath, of_vehicle) in draws.multipath.iter_mut().zip(shared) {
+                *multipath = own * *multipath + common * of_vehicle;
+            }
+            draws
+        };
+        self.tracks.iter_mut().zip(shared).map(with_shared).collect()
     }
 
     /// The phone's biases of constellations and bands.
@@ -177,27 +177,22 @@ impl Iterator for PhoneEpochs<'_> {
         if self.next_tag_s > self.last_tag_s {
             return None;
         }
+        let draws = self.draw();
         let scenario = self.simulation.scenario();
-        let convoy = self.simulation.convoy();
         let received_s = self.next_tag_s - self.clock.bias_s;
-        let vehicle = convoy.state(self.vehicle, received_s);
-        let lap_m = convoy.road().lap_m();
-        let surroundings = Surroundings::at(&scenario.canyons, vehicle.road_m, lap_m, vehicle.heading_rad);
+        let state = self.simulation.convoy().phone_state(self.phone.vehicle, &self.phone.mount, received_s);
+        let surroundings = Surroundings::at(&scenario.canyons, state.place);
         let in_canyon = surroundings.in_canyon();
-        let draws: Vec<Draws> = self
-            .tracks
-            .iter_mut()
-            .map(|track| track.advance(scenario.interval_s, &self.errors, in_canyon))
-            .collect();
         let instant = Instant {
             truth: TruthState {
                 time_gps: scenario.start_gps + received_s,
-                position: vehicle.position,
-                velocity: vehicle.velocity,
+                position: state.position,
+                velocity: state.velocity,
             },
             clock: self.clock,
-            frame: LocalFrame::at(vehicle.position),
+            frame: LocalFrame::at(state.position),
             surroundings,
+            heading_rad: state.place.heading_rad,
             epochs: self,
         };
         let mut observations = Vec::with_capacity(48);
@@ -228,22 +223,41 @@ impl Instant<'_> {
         observations: &mut Vec<Observation>,
         faults: &mut Vec<Fault>,
     ) {
-        let TruthState { time_gps, position, velocity } = self.truth;
-        if !satellite.may_be_above_horizon(time_gps, &self.frame) {
-            return;
-        }
-        let Some(path) = path(time_gps, position, velocity, |time| satellite.state(time)) else { return };
-        let direction = self.frame.direction(&path.unit);
-        if !self.surroundings.is_visible(direction) {
-            return;
-        }
+        let Some(reception) = self.reception(satellite, draws) else { return };
         let before = observations.len();
         for (band, signal) in satellite.signals(self.epochs.phone.dual_frequency).enumerate() {
-            observations.extend(self.signal(satellite, signal, band, (&path, direction), draws));
+            observations.extend(self.signal(satellite, signal, band, (&reception, draws)));
         }
-        if draws.outlier_m != 0.0 && observations.len() > before {
-            faults.push(Fault { satellite: satellite.id(), error_m: draws.outlier_m });
+        let reflected_only = draws.outlier_m != 0.0 || reception.mixture.delayed == 1.0;
+        if reflected_only && observations.len() > before {
+            faults.push(Fault { satellite: satellite.id(), error_m: reception.late_m });
         }
+    }
+
+    /// How a satellite arrives, directly, by the houses on the other side of the street, or both; `None` when it does not.
+    fn reception(&self, satellite: &SimulatedSatellite, draws: &Draws) -> Option<Reception> {
+        let TruthState { time_gps, position, velocity } = self.truth;
+        if !satellite.may_be_above_horizon(time_gps, &self.frame) {
+            return None;
+        }
+        let path = path(time_gps, position, velocity, |time| satellite.state(time))?;
+        let direction = self.frame.direction(&path.unit);
+        let PhoneEpochs { simulation, phone, errors, .. } = self.epochs;
+        let facades = Facades { streams: simulation.streams(), reflecting: errors.facades_reflecting };
+        let reflection = self.surroundings.reflection(direction, &facades);
+        let body_db = |from| phone.mount.loss_db(self.heading_rad, from);
+        let direct_db = self.surroundings.is_visible(direction).then(|| body_db(direction));
+        let reflected_db = reflection.map(|reflection| reflection.loss_db + body_db(reflection.from));
+        let mixture = Mixture::of(direct_db, reflected_db, PI * draws.phase)?;
+        let (excess_m, excess_mps) =
+            reflection.map_or((0.0, 0.0), |reflection| (reflection.excess_m, reflection.excess_mps));
+        Some(Reception {
+            path,
+            direction,
+            mixture,
+            late_m: mixture.delayed * excess_m + draws.outlier_m,
+            late_mps: mixture.delayed * excess_mps,
+        })
     }
 
     fn signal(
@@ -251,11 +265,11 @@ impl Instant<'_> {
         satellite: &SimulatedSatellite,
         signal: SignalCode,
         band: usize,
-        (path, direction): (&Path, Direction),
-        draws: &Draws,
+        (reception, draws): (&Reception, &Draws),
     ) -> Option<Observation> {
         let errors = &self.epochs.errors;
-        let cn0_dbhz = self.cn0_dbhz(direction, band, draws);
+        let Reception { path, direction, .. } = reception;
+        let cn0_dbhz = self.cn0_dbhz(reception, band, draws);
         let constellation = satellite.id().constellation;
         let wavelength_m = signal.wavelength_m(constellation, None)?;
         if cn0_dbhz < LOST_BELOW_DBHZ {
@@ -263,19 +277,21 @@ impl Instant<'_> {
         }
         let group = ClockGroup { constellation, band: signal.band };
         let clock_m = SPEED_OF_LIGHT_MPS * (self.clock.bias_s + self.epochs.biases.of(group) - path.clock_s);
-        let delays_m = self.atmosphere_m(direction, SPEED_OF_LIGHT_MPS / wavelength_m)
-            + satellite.group_delay_m(signal, errors.l5_delay_m);
+        let delays_m = self.atmosphere_m(*direction, SPEED_OF_LIGHT_MPS / wavelength_m)
+            + satellite.group_delay_m(signal, errors.l5_delay_m)
+            + satellite.signal_in_space_m(errors.signal_in_space_m);
         let in_canyon = self.surroundings.in_canyon();
         // a code ten times as fast: a third of the noise, half of the multipath
         let (noise_scale, multipath_scale) = if band == 0 { (1.0, 1.0) } else { (0.35, 0.5) };
         let pick = |values: [f64; 2]| values.get(band).copied().unwrap_or(0.0);
-        let error_m = draws.outlier_m
+        let error_m = reception.late_m
             + pick(draws.multipath)
                 * multipath_scale
                 * errors.multipath_sigma_m(direction.elevation_rad, in_canyon)
             + pick(draws.code_noise) * noise_scale * errors.code_sigma_m(cn0_dbhz);
         let rate_mps = path.range_rate_mps
             + SPEED_OF_LIGHT_MPS * (self.clock.drift_sps - path.clock_drift_sps)
+            + reception.late_mps
             + pick(draws.rate_noise) * errors.rate_sigma_mps(cn0_dbhz);
         Some(Observation {
             satellite: satellite.id(),
@@ -298,17 +314,17 @@ impl Instant<'_> {
             + errors.troposphere_scale * saastamoinen_delay_m(receiver, direction, STANDARD_RELATIVE_HUMIDITY)
     }
 
-    /// From about 35 dB-Hz at the horizon to 47 dB-Hz at the zenith, less in a canyon.
-    fn cn0_dbhz(&self, direction: Direction, band: usize, draws: &Draws) -> f64 {
+    /// From about 33 dB-Hz at the horizon to 47 dB-Hz at the zenith for an average phone under an open sky.
+    fn cn0_dbhz(&self, reception: &Reception, band: usize, draws: &Draws) -> f64 {
         let shadowing_db = draws.shadowing * self.epochs.errors.shadowing_db;
-        let surroundings_db =
-            if self.surroundings.in_canyon() { 4.0 * shadowing_db - 3.0 } else { shadowing_db };
-        let reflection_db = if draws.outlier_m == 0.0 { 0.0 } else { -REFLECTION_LOSS_DB };
+        let surroundings_db = if self.surroundings.in_canyon() { 2.0 * shadowing_db } else { shadowing_db };
+        let passing_db = if draws.outlier_m == 0.0 { 0.0 } else { -PASSING_LOSS_DB };
         let band_db = if band == 0 { 0.0 } else { -1.5 };
-        33.0 + 14.0 * direction.elevation_rad.sin().max(0.0).powf(0.7)
+        33.0 + 14.0 * reception.direction.elevation_rad.sin().max(0.0).powf(0.7)
             + self.epochs.phone.antenna_db
+            + reception.mixture.gain_db
             + surroundings_db
-            + reflection_db
+            + passing_db
             + band_db
     }
 }

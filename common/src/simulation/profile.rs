@@ -43,12 +43,22 @@ pub struct SpeedProfile {
 impl SpeedProfile {
     /// Town traffic: standing, 14 m/s, slower stretches, a red light.
     pub fn town() -> Self {
-        let mut phases = Vec::with_capacity(2 * PATTERN.len());
+        Self::repeating(&PATTERN)
+    }
+
+    /// It stands where it is.
+    pub fn standing() -> Self {
+        Self::repeating(&[(0.0, 60.0)])
+    }
+
+    fn repeating(pattern: &[(f64, f64)]) -> Self {
+        let mut phases = Vec::with_capacity(2 * pattern.len());
         let (mut start_s, mut start_m) = (0.0, 0.0);
-        let next_speeds = PATTERN.iter().cycle().skip(1).map(|(speed, _)| *speed);
-        for ((speed_mps, hold_s), next_mps) in PATTERN.into_iter().zip(next_speeds) {
+        let next_speeds = pattern.iter().cycle().skip(1).map(|(speed, _)| *speed);
+        for (&(speed_mps, hold_s), next_mps) in pattern.iter().zip(next_speeds) {
             let transition_s = transition_duration_s(next_mps - speed_mps);
-            for (duration_s, to_mps) in [(hold_s, speed_mps), (transition_s, next_mps)] {
+            let both = [(hold_s, speed_mps), (transition_s, next_mps)];
+            for (duration_s, to_mps) in both.into_iter().filter(|(duration_s, _)| *duration_s > 0.0) {
                 let phase = Phase { start_s, start_m, duration_s, from_mps: speed_mps, to_mps };
                 phases.push(phase);
                 start_s += duration_s;
@@ -122,5 +132,14 @@ mod tests {
             standing += i32::from(speed(t) == 0.0);
         }
         assert!(standing > 500, "it stands at lights: {standing}");
+    }
+
+    #[test]
+    fn what_stands_stays_where_it_is() {
+        let profile = SpeedProfile::standing();
+        for time_s in [0.0, 30.0, 60.0, 1e5] {
+            assert_eq!(profile.at(time_s), Progress { distance_m: 0.0, speed_mps: 0.0 });
+        }
+        assert_eq!(profile.maximum_speed_mps(), 0.0);
     }
 }

@@ -19,16 +19,20 @@ pub(super) struct SimulatedSatellite {
     id: SatelliteId,
     /// Standard normal draw for the delay of L5.
     l5_delay: f64,
+    /// Standard normal draw for the error of orbit and clock in the message.
+    signal_in_space: f64,
 }
 
 impl SimulatedSatellite {
-    /// Groups messages, which are ordered by satellite and then by time.
+    /// Groups messages, which are ordered by satellite and then by time; `random` draws what they do not tell.
     pub(super) fn group(messages: &[KeplerEphemeris], random: &mut impl Rng) -> Vec<Self> {
         messages
             .chunk_by(|a, b| a.satellite == b.satellite)
             .filter_map(|messages| {
                 let id = messages.first()?.satellite;
-                Some(Self { messages: messages.to_vec(), id, l5_delay: random.sample(StandardNormal) })
+                let (l5_delay, signal_in_space) =
+                    (random.sample(StandardNormal), random.sample(StandardNormal));
+                Some(Self { messages: messages.to_vec(), id, l5_delay, signal_in_space })
             })
             .collect()
     }
@@ -61,6 +65,11 @@ impl SimulatedSatellite {
         };
         let has_l5 = dual_frequency && constellation == Constellation::Gps && !number.is_multiple_of(3);
         std::iter::once(primary).chain(has_l5.then_some(SignalCode::new(b'5', b'X')))
+    }
+
+    /// Error of the range by the message in the direction of every phone, m, of which `sigma_m` is the standard deviation.
+    pub(super) fn signal_in_space_m(&self, sigma_m: f64) -> f64 {
+        sigma_m * self.signal_in_space
     }
 
     /// Delay of a signal against the broadcast clock, m: by the message, and on L5 `l5_sigma_m` times a constant

@@ -4,19 +4,27 @@ use crate::frames::Geodetic;
 use crate::time::GpsTime;
 
 use super::convoy::ConvoyOptions;
-use super::environment::{Canyon, ErrorModel};
+use super::environment::ErrorModel;
+use super::mount::Mount;
 use super::receiver::ClockOptions;
+use super::street::{Canyon, Facade};
 
 /// Longest scenario, s (one day).
 const LONGEST_S: f64 = 86_400.0;
 /// Shortest interval between epochs, s.
 const SHORTEST_INTERVAL_S: f64 = 0.01;
+/// Most vehicles.
+const MOST_VEHICLES: f64 = 100.0;
 
-/// One phone, in a vehicle of its own.
+/// One phone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhoneOptions {
     /// Its name.
     pub name: String,
+    /// The vehicle that it is in; vehicle 0 leads.
+    pub vehicle: usize,
+    /// Where it is in its vehicle.
+    pub mount: Mount,
     /// Time tags lie so much after the full interval, s, in [0, interval).
     pub epoch_offset_s: f64,
     /// The phone starts so long after the scenario, s.
@@ -32,7 +40,8 @@ pub struct PhoneOptions {
 }
 
 impl PhoneOptions {
-    /// The phone of vehicle `rank` (0 leads): names, offsets, start and stop that differ from each other.
+    /// Phone `rank`, on the roof of a vehicle of its own of that rank: names, offsets, start and stop that differ from
+    /// each other.
     pub fn of_vehicle(rank: usize) -> Self {
         const OFFSETS_S: [f64; 4] = [0.000_4, 0.200_3, 0.499_7, 0.750_1];
         let turn = rank % OFFSETS_S.len();
@@ -40,6 +49,8 @@ impl PhoneOptions {
         let sign = if rank.is_multiple_of(2) { 1.0 } else { -1.0 };
         Self {
             name: format!("SIM{}", rank + 1),
+            vehicle: rank,
+            mount: Mount::default(),
             epoch_offset_s: OFFSETS_S.get(turn).copied().unwrap_or(0.0),
             starts_after_s: 3.0 * turn as f64,
             stops_before_s: 4.0 * turn as f64,
@@ -53,7 +64,7 @@ impl PhoneOptions {
     }
 }
 
-/// A simulated drive. [`Scenario::default`] is the demonstration: three phones, ten minutes at 1 Hz.
+/// A simulated drive. [`Scenario::default`] is a convoy of three cars, ten minutes at 1 Hz.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
     /// Everything random follows from it.
@@ -66,7 +77,7 @@ pub struct Scenario {
     pub interval_s: f64,
     /// Where the road begins.
     pub origin: Geodetic,
-    /// The phones in the order of the convoy; the first leads.
+    /// The phones.
     pub phones: Vec<PhoneOptions>,
     /// How the vehicles keep their distance.
     pub convoy: ConvoyOptions,
@@ -78,6 +89,9 @@ pub struct Scenario {
     pub noise_free: bool,
 }
 
+/// Houses of a street of four storeys.
+pub(super) const STREET: Facade = Facade { height_m: 14.0, distance_m: 14.0 };
+
 impl Default for Scenario {
     fn default() -> Self {
         Self {
@@ -88,7 +102,7 @@ impl Default for Scenario {
             origin: Geodetic::from_degrees(48.0, 11.5, 500.0),
             phones: (0..3).map(PhoneOptions::of_vehicle).collect(),
             convoy: ConvoyOptions::default(),
-            canyons: vec![Canyon { from_m: 2_100.0, to_m: 2_950.0, height_m: 14.0, half_width_m: 14.0 }],
+            canyons: vec![Canyon::symmetric(2_100.0, 2_950.0, STREET)],
             errors: ErrorModel::default(),
             noise_free: false,
         }
@@ -157,8 +171,18 @@ impl Scenario {
             within("stops_before_s", phone.stops_before_s, 0.0, LONGEST_S)?;
             within("clock.bias_s", phone.clock.bias_s, -1e-2, 1e-2)?;
             within("clock.drift_sps", phone.clock.drift_sps, -1e-5, 1e-5)?;
+            within("vehicle", phone.vehicle as f64, 0.0, MOST_VEHICLES)?;
+            within("mount.forward_m", phone.mount.forward_m, -20.0, 20.0)?;
+            within("mount.right_m", phone.mount.right_m, -3.0, 3.0)?;
+            within("mount.up_m", phone.mount.up_m, -3.0, 3.0)?;
+            within("mount.cabin_loss_db", phone.mount.cabin_loss_db, 0.0, 60.0)?;
+            within("mount.faces_rad", phone.mount.faces_rad, -10.0, 10.0)?;
+            within("mount.body_loss_db", phone.mount.body_loss_db, 0.0, 60.0)?;
         }
-        Ok(())
+        self.canyons.iter().flat_map(|canyon| [canyon.left, canyon.right]).flatten().try_for_each(|facade| {
+            within("canyon height_m", facade.height_m, 0.0, 1_000.0)?;
+            within("canyon distance_m", facade.distance_m, 1.0, 1_000.0)
+        })
     }
 }
 
@@ -171,14 +195,16 @@ impl ErrorModel {
             ("rate_b_m2ps2hz", self.rate_b_m2ps2hz),
             ("multipath_open_m", self.multipath_open_m),
             ("multipath_canyon_m", self.multipath_canyon_m),
-            ("outliers_open_hz", self.outliers_open_hz),
-            ("outliers_canyon_hz", self.outliers_canyon_hz),
+            ("outliers_hz", self.outliers_hz),
             ("shadowing_db", self.shadowing_db),
+            ("signal_in_space_m", self.signal_in_space_m),
             ("ionosphere_scale", self.ionosphere_scale),
             ("troposphere_scale", self.troposphere_scale),
             ("l5_delay_m", self.l5_delay_m),
         ];
         sizes.into_iter().try_for_each(|(name, value)| within(name, value, 0.0, 1e9))?;
+        within("multipath_shared", self.multipath_shared, 0.0, 1.0)?;
+        within("facades_reflecting", self.facades_reflecting, 0.0, 1.0)?;
         within("multipath_correlation_s", self.multipath_correlation_s, 1e-3, LONGEST_S)
     }
 }

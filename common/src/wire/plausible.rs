@@ -26,7 +26,8 @@ const LATEST_NANOS: i64 = 6_942_153_600_000_000_000;
 const PSEUDORANGE_M: RangeInclusive<f64> = 1e6..=1e9;
 /// A sigma below a millimetre (or mm/s) would silence all other measurements of its phone.
 const SIGMA: RangeInclusive<f64> = 1e-3..=1e4;
-const RANGE_RATE_MPS: RangeInclusive<f64> = -2e4..=2e4;
+/// Doppler up to its limit (200 kHz) on the longest wavelength in use.
+const RANGE_RATE_MPS: RangeInclusive<f64> = -6e4..=6e4;
 const SATELLITE_RADIUS_M: RangeInclusive<f64> = 6.4e6..=6e7;
 const SATELLITE_SPEED_MPS: RangeInclusive<f64> = 0.0..=2e4;
 const CN0_DBHZ: RangeInclusive<f64> = 0.0..=70.0;
@@ -94,6 +95,18 @@ pub enum InvalidMessage {
         time_gps: GpsTime,
         /// The value.
         implausible: Implausible,
+    },
+    /// A signal that the satellite cannot send, by the table that all decoders go by.
+    #[error("{satellite} {signal} at {time_gps}: {reason}")]
+    Signal {
+        /// The satellite.
+        satellite: SatelliteId,
+        /// The signal.
+        signal: SignalCode,
+        /// The message's time.
+        time_gps: GpsTime,
+        /// Why not.
+        reason: &'static str,
     },
     /// A satellite's signal for the second time.
     #[error("{satellite} {signal} at {time_gps}: second observation of the same signal")]
@@ -208,6 +221,9 @@ impl EpochMessage {
     ) -> Result<(), InvalidMessage> {
         let CorrectedObservation { satellite, signal, .. } = *observation;
         let time_gps = self.time_gps;
+        if let Some(reason) = satellite.cannot_send(signal) {
+            return Err(InvalidMessage::Signal { satellite, signal, time_gps, reason });
+        }
         check_observation(observation).map_err(|implausible| InvalidMessage::Observation {
             satellite,
             signal,
@@ -248,10 +264,6 @@ impl EpochMessage {
 
 fn check_observation(o: &CorrectedObservation) -> Result<(), Implausible> {
     within("satellite number", f64::from(o.satellite.number), 1.0..=99.0)?;
-    if o.signal.bands_of_pair().is_none() {
-        within("signal band", f64::from(o.signal.band), f64::from(b'1')..=f64::from(b'9'))?;
-    }
-    within("signal attribute", f64::from(o.signal.attribute), f64::from(b'A')..=f64::from(b'Z'))?;
     within("corrected pseudorange (m)", o.pseudorange_m, PSEUDORANGE_M)?;
     within("pseudorange sigma (m)", o.pseudorange_sigma_m, SIGMA)?;
     if let Some(rate) = o.range_rate {

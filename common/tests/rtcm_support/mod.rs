@@ -2,6 +2,7 @@
 
 #![allow(dead_code)] // not every test uses everything
 
+pub mod dates;
 pub mod legacy;
 
 use cofix_common::decode::{Decoder, Record};

@@ -3,11 +3,11 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn at(seconds: f64) -> GpsTime {
+pub(super) fn at(seconds: f64) -> GpsTime {
     GpsTime::from_week_tow(2118, 397_000.0) + seconds
 }
 
-fn message(phone: usize, sequence: u64, seconds: f64) -> EpochMessage {
+pub(super) fn message(phone: usize, sequence: u64, seconds: f64) -> EpochMessage {
     EpochMessage {
         phone: format!("p{phone}"),
         sequence,
@@ -31,11 +31,11 @@ fn buckets(series: &[&[f64]]) -> Vec<Vec<Option<f64>>> {
     seconds(&drain(&mut aligner))
 }
 
-fn drain(aligner: &mut Aligner) -> Vec<Bucket> {
+pub(super) fn drain(aligner: &mut Aligner) -> Vec<Bucket> {
     std::iter::from_fn(|| aligner.pop_ready()).collect()
 }
 
-fn seconds(buckets: &[Bucket]) -> Vec<Vec<Option<f64>>> {
+pub(super) fn seconds(buckets: &[Bucket]) -> Vec<Vec<Option<f64>>> {
     let second = |m: &Option<EpochMessage>| m.as_ref().map(|m| ((m.time_gps - at(0.0)) * 1e6).round() / 1e6);
     buckets.iter().map(|bucket| bucket.iter().map(second).collect()).collect()
 }
@@ -143,174 +143,6 @@ fn duplicates_and_disorder_are_counted_and_named() {
     assert_eq!(aligner.waiting(), 3, "an index beyond the group is ignored");
 }
 
-const fn ms(milliseconds: u64) -> Duration {
-    Duration::from_millis(milliseconds)
-}
-
-/// A live group, its messages numbered, its clock told.
-struct Live {
-    aligner: Aligner,
-    sent: u64,
-    fused: Vec<Vec<Option<f64>>>,
-}
-
-impl Live {
-    fn of(phones: usize) -> Self {
-        Self { aligner: Aligner::live(phones, AlignOptions::default()), sent: 0, fused: Vec::new() }
-    }
-
-    /// A message of `phone` for `seconds` at `now_s`, and what follows from it.
-    fn say(&mut self, phone: usize, seconds: f64, now_s: f64) {
-        self.aligner.push(phone, message(phone, self.sent, seconds), Duration::from_secs_f64(now_s));
-        self.sent += 1;
-        self.fuse(now_s);
-    }
-
-    fn fuse(&mut self, now_s: f64) {
-        self.fused.extend(seconds(&drain(&mut self.aligner)));
-        while self.aligner.drop_silent(Duration::from_secs_f64(now_s)) {
-            self.fused.extend(seconds(&drain(&mut self.aligner)));
-        }
-    }
-
-    fn late(&self) -> u64 {
-        (0..self.aligner.tracks.len())
-            .map(|phone| self.aligner.skips(phone).unwrap().count("epoch too late"))
-            .sum()
-    }
-
-    fn fused_of(&self, phone: usize) -> usize {
-        self.fused.iter().filter(|bucket| bucket[phone].is_some()).count()
-    }
-}
-
-#[test]
-fn a_silent_phone_delays_a_live_group_once() {
-    let mut aligner = Aligner::live(2, AlignOptions::default());
-    for (sequence, seconds) in [(0, 0.0), (1, 1.0)] {
-        aligner.push(0, message(0, sequence, seconds), ms(0));
-        aligner.push(1, message(1, sequence, seconds), ms(0));
-    }
-    assert_eq!(drain(&mut aligner).len(), 2);
-    aligner.push(0, message(0, 2, 2.0), ms(1_000));
-    assert!(!aligner.drop_silent(ms(5_999)));
-    assert!(aligner.drop_silent(ms(6_000)));
-    assert_eq!(seconds(&drain(&mut aligner)), [[Some(2.0), None]]);
-    aligner.push(0, message(0, 3, 3.0), ms(6_100));
-    assert!(aligner.pop_ready().is_some(), "phone 1 is away");
-    aligner.push(1, message(1, 2, 2.0), ms(6_200));
-    assert_eq!(aligner.skips(1).unwrap().count("epoch too late"), 1);
-    aligner.push(0, message(0, 4, 4.0), ms(6_300));
-    assert_eq!(aligner.pop_ready(), None, "phone 1 is back, late as it was, and waited for");
-    aligner.push(1, message(1, 3, 4.0), ms(6_400));
-    assert_eq!(seconds(&drain(&mut aligner)), [[Some(4.0), Some(4.0)]]);
-    aligner.push(1, message(1, 4, 5.0), ms(7_000));
-    assert_eq!(aligner.pop_ready(), None);
-    aligner.leave(0);
-    assert_eq!(seconds(&drain(&mut aligner)), [[None, Some(5.0)]]);
-    assert!(!aligner.drop_silent(ms(99_000)));
-}
-
-#[test]
-fn an_absent_phone_delays_the_start_once_and_no_more() {
-    let mut live = Live::of(2);
-    for second in 0..30_u32 {
-        live.say(0, f64::from(second), f64::from(second));
-        let expected = if second < 10 { 0 } else { second as usize + 1 };
-        assert_eq!(live.fused.len(), expected, "{second}");
-    }
-}
-
-#[test]
-fn a_phone_whose_agent_is_there_is_waited_for_longer() {
-    let mut live = Live::of(2);
-    live.aligner.arrive(1, ms(0));
-    for second in 0..29_u32 {
-        live.say(0, f64::from(second), 0.5);
-        live.fuse(f64::from(second));
-    }
-    assert!(live.fused.is_empty());
-    for second in 0..29_u32 {
-        live.say(1, f64::from(second), 29.0);
-    }
-    assert_eq!((live.fused.len(), live.fused_of(1), live.late()), (29, 29, 0));
-}
-
-#[test]
-fn files_that_start_at_different_seconds_lose_nothing_at_any_speed() {
-    let starts = [1.0, 2.0, 2.0, 3.0];
-    for speed in [1.0, 20.0, 1e6] {
-        let mut live = Live::of(4);
-        for epoch in 0..60_u32 {
-            for (phone, start) in starts.iter().enumerate() {
-                live.say(phone, start + f64::from(epoch), f64::from(epoch) / speed);
-            }
-        }
-        for phone in 0..4 {
-            live.aligner.finish(phone);
-        }
-        live.fuse(61.0);
-        assert_eq!(live.late(), 0, "speed {speed}");
-        assert!((0..4).all(|phone| live.fused_of(phone) == 60), "speed {speed}");
-        assert_eq!(live.fused.len(), 62, "speed {speed}");
-    }
-}
-
-#[test]
-fn a_phone_far_ahead_waits_and_does_not_stop_the_others() {
-    let day = 86_400.0;
-    let mut live = Live::of(3);
-    for second in 0..60_u32 {
-        let second = f64::from(second);
-        live.say(2, day + second, second);
-        live.say(0, second, second + 0.1);
-        live.say(1, second, second + 0.2);
-    }
-    assert_eq!((live.fused_of(0), live.fused_of(1), live.fused_of(2), live.late()), (60, 60, 0, 0));
-    // The others are silent for half a minute.
-    live.fuse(90.0);
-    for second in 90..120_u32 {
-        live.say(0, f64::from(second), f64::from(second));
-        live.say(1, f64::from(second), f64::from(second));
-    }
-    assert_eq!((live.fused_of(0), live.fused_of(1), live.fused_of(2), live.late()), (90, 90, 0, 0));
-    assert_eq!(live.aligner.skips(2).unwrap().count("phone far ahead of the others: held back"), 1);
-    let notices = live.aligner.notices();
-    assert!(notices.len() == 1 && notices[0].phone == 2, "{notices:?}");
-    live.aligner.finish(0);
-    live.aligner.finish(1);
-    live.fuse(121.0);
-    assert_eq!(live.fused_of(2), 60, "they were waiting");
-}
-
-#[test]
-fn a_phone_far_behind_the_majority_does_not_stop_the_others() {
-    let mut live = Live::of(3);
-    for second in 0..60_u32 {
-        let second = f64::from(second);
-        for phone in 0..2 {
-            live.say(phone, second, second);
-        }
-        live.say(2, second - 3_600.0, second);
-    }
-    assert!(live.fused_of(0) >= 59 && live.fused_of(1) >= 59, "{} {}", live.fused_of(0), live.fused_of(1));
-    assert_eq!(live.aligner.skips(2).unwrap().count("phone far behind the others: not waited for"), 1);
-    assert!(live.late() > 40);
-}
-
-#[test]
-fn a_phone_that_catches_up_is_waited_for() {
-    let mut live = Live::of(3);
-    for second in 0..600_u32 {
-        live.say(0, f64::from(second), 0.0);
-        live.say(1, f64::from(second), 0.0);
-    }
-    for second in 0..600_u32 {
-        live.say(2, f64::from(second), 1.0 + f64::from(second) * 0.1);
-    }
-    assert_eq!((live.fused_of(0), live.fused_of(2), live.late()), (600, 600, 0));
-}
-
 /// Increasing times of one phone: a rate, a phase, jitter and gaps.
 fn series() -> impl Strategy<Value = Vec<f64>> {
     let rate = prop::sample::select(vec![1.0, 0.2, 0.1, 2.0]);
@@ -382,28 +214,4 @@ proptest! {
             }
         }
     }
-}
-
-#[test]
-fn a_phone_whose_messages_are_being_fetched_is_waited_for() {
-    let mut aligner = Aligner::live(2, AlignOptions::default());
-    for sequence in 0..2 {
-        aligner.push(0, message(0, sequence, sequence as f64), ms(0));
-    }
-    for now in (0..60_000).step_by(4_000) {
-        aligner.expect(1, ms(now));
-        assert!(!aligner.drop_silent(ms(now + 4_000)), "{now}");
-    }
-    for sequence in 0..2 {
-        aligner.push(1, message(1, sequence, sequence as f64), ms(60_000));
-    }
-    assert_eq!(seconds(&drain(&mut aligner)), [[Some(0.0), Some(0.0)], [Some(1.0), Some(1.0)]]);
-    aligner.push(0, message(0, 2, 2.0), ms(64_000));
-    aligner.expect(1, ms(64_000));
-    assert!(!aligner.drop_silent(ms(68_900)));
-    assert!(aligner.drop_silent(ms(69_000)), "no longer expected");
-    assert_eq!(drain(&mut aligner).len(), 1);
-    aligner.push(0, message(0, 3, 3.0), ms(70_000));
-    aligner.expect(1, ms(70_000));
-    assert!(aligner.pop_ready().is_none(), "expected again");
 }

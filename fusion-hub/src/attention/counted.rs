@@ -75,7 +75,7 @@ const SHARES: [Share; 5] = [
     },
 ];
 
-const ANY: [Any; 17] = [
+const ANY: [Any; 18] = [
     Any {
         reason: "two agents of one name at a time",
         severity: Severity::Wrong,
@@ -99,6 +99,12 @@ const ANY: [Any; 17] = [
         severity: Severity::Worse,
         kind: "filter-restarted",
         advice: "Its observations contradicted its state for five epochs: a jump of its clock, a tunnel, or a wrong constraint",
+    },
+    Any {
+        reason: "local filter restarted",
+        severity: Severity::Note,
+        kind: "filter-restarted",
+        advice: "The phone's own filter began anew after a gap or a contradiction; look at that time in the recording",
     },
     Any {
         reason: "silent phone dropped from the filter",

@@ -40,7 +40,7 @@ struct ShiftKind {
 const SHIFTS: [ShiftKind; 3] = [
     ShiftKind {
         looks_so: is_leap_seconds,
-        advice: "That looks like UTC: write GPS time, which is 18 s more since 2017 and was 17 s more before; the accuracies say nothing until then",
+        advice: "That looks like UTC (GPS time is 18 s more since 2017, 17 s before) or, if it is 14 s, like BeiDou time: write GPS time; the accuracies say nothing until then",
     },
     ShiftKind {
         looks_so: |shift_s| shift_s.abs() >= 900.0,

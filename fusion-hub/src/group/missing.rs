@@ -1,16 +1,15 @@
 //! What a group does about epochs that were published and are not here.
 
-use std::time::Instant;
-
 use anyhow::bail;
 
 use super::{Course, Group, TICK};
+use crate::intake::Intake;
 use crate::recovery::{Question, Step};
 
 impl Group {
     /// Asks agents for what is missing, and gives up what they do not have.
     pub(super) fn recover(&mut self) {
-        let now = self.start.elapsed();
+        let now = self.now;
         if self.recovered_at.is_some_and(|last| now.saturating_sub(last) < TICK) {
             return;
         }
@@ -21,10 +20,21 @@ impl Group {
                 Step::GiveUp { phone, sender, to, why } => self.give_up(phone, &sender, to, why),
             }
         }
-        for phone in self.recovery.expected(now) {
-            if self.alive.get(phone) == Some(&true) {
-                self.aligner.expect(phone, now);
+        for phone in self.recovery.slow(now) {
+            if !self.aligner.awaits(phone) {
+                self.give_up_gaps(phone);
             }
+        }
+    }
+
+    /// Nobody waits for the phone: its newest epochs must not wait for those that are missing before them.
+    pub(super) fn give_up_gaps(&mut self, phone: usize) {
+        let gap = |intake: &Intake| {
+            let mut gaps = intake.gaps().filter(|(of, _, gap)| *of == phone && gap.waited_on);
+            gaps.next().map(|(_, sender, gap)| (sender.to_owned(), gap.to))
+        };
+        while let Some((sender, to)) = gap(&self.intake) {
+            self.give_up(phone, &sender, to, "the group did not wait for them any longer");
         }
     }
 
@@ -58,8 +68,8 @@ impl Group {
             }
             // Waits as long as some still come.
             let known = slot.filter(|(before, _)| *before == missing);
-            let (_, since) = *slot.insert(known.unwrap_or_else(|| (missing, Instant::now())));
-            if lost == 0 && since.elapsed() < self.grace {
+            let (_, since) = *slot.insert(known.unwrap_or((missing, self.now)));
+            if lost == 0 && self.now.saturating_sub(since) < self.grace {
                 continue;
             }
             let name = self.phones.get(phone).map_or("?", String::as_str);

@@ -6,7 +6,7 @@ use cofix_common::skips::Skips;
 use cofix_common::wire::{EpochMessage, PhoneStatus};
 
 use super::run::Run;
-use super::{Arrival, Finished, Notice};
+use super::{Arrival, Finished, NOT_ARRIVED, Notice};
 
 /// Most runs remembered for one phone; a phone has one at a time, and one more after each restart. The oldest are forgotten.
 pub(super) const MAXIMUM_RUNS: usize = 64;
@@ -96,7 +96,7 @@ impl Desk {
 
     fn count_lost(&mut self, lost: u64, describe: impl Fn() -> String) {
         for _ in 0..lost.min(MAXIMUM_LOST) {
-            self.skips.add("published epochs did not arrive", &describe);
+            self.skips.add(NOT_ARRIVED, &describe);
         }
     }
 

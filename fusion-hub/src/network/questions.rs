@@ -35,6 +35,12 @@ impl HistoryQuestions {
         Ok(Self { questions })
     }
 
+    /// Questions that go nowhere but into a channel.
+    #[cfg(test)]
+    pub(crate) const fn into(questions: SyncSender<(String, Question)>) -> Self {
+        Self { questions }
+    }
+
     /// Asks the agent of the phone of this name. Waits for nothing; `false` when too many questions wait already.
     pub fn ask(&self, phone: &str, question: Question) -> bool {
         self.questions.try_send((phone.to_owned(), question)).is_ok()

@@ -2,6 +2,7 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::bail;
 use cofix_agent::files::{Named, check_absent};
@@ -15,6 +16,8 @@ pub(super) struct RecordingFile {
     path: PathBuf,
     partial: Option<PathBuf>,
     overwrite: bool,
+    /// Whether what is recorded can not be had again.
+    is_live: bool,
 }
 
 impl RecordingFile {
@@ -36,11 +39,17 @@ impl RecordingFile {
         }
         let target = partial.as_deref().unwrap_or(path);
         let recorder = Recorder::to_file(target, config).map_err(|error| named(error, path))?;
-        Ok(Self { recorder, path: path.to_owned(), partial, overwrite })
+        Ok(Self { recorder, path: path.to_owned(), partial, overwrite, is_live: false })
     }
 
     pub(super) fn recorder(&mut self) -> &mut Recorder {
         &mut self.recorder
+    }
+
+    /// Of a live session: what is older than `age` is written at every look at the clock, and kept whatever happens.
+    pub(super) fn keep_live(&mut self, age: Duration) {
+        self.recorder.write_after(age);
+        self.is_live = true;
     }
 
     /// Ends the file and gives it its name.
@@ -48,9 +57,15 @@ impl RecordingFile {
     /// # Errors
     /// Why it is not whole, or has not its name, and where it is.
     pub(super) fn finish(self, table: &str) -> Result<(PathBuf, Recorded), String> {
-        let Self { recorder, path, partial, overwrite } = self;
-        let incomplete = |why: &dyn std::fmt::Display| failure(&path, partial.as_deref(), why);
-        let recorded = recorder.finish(table).map_err(|error| incomplete(&error))?;
+        let Self { recorder, path, partial, overwrite, is_live } = self;
+        let recorded = match recorder.finish(table) {
+            Ok(recorded) => recorded,
+            Err(error) => {
+                let left =
+                    partial.as_deref().filter(|partial| is_live || std::fs::remove_file(partial).is_err());
+                return Err(failure(&path, left, &error));
+            }
+        };
         let Some(partial) = &partial else { return Ok((path, recorded)) };
         if !overwrite && path.exists() {
             return Err(format!(
@@ -69,8 +84,14 @@ impl RecordingFile {
         }
     }
 
-    /// Ends a file that will not be whole, and leaves it under its other name. Says where and why.
-    pub(super) fn keep(self, why: &dyn std::fmt::Display) -> String {
+    /// Ends a file that will not be whole: one of a live session is left under its other name, one of a replay, which can be
+    /// made again, is removed. Says where and why.
+    pub(super) fn give_up(self, why: &dyn std::fmt::Display) -> String {
+        if !self.is_live {
+            let text = failure(&self.path, None, why);
+            self.remove();
+            return text;
+        }
         let text = failure(&self.path, self.partial.as_deref(), why);
         // What is written so far is worth more than a second complaint.
         let _ = self.recorder.finish(&format!("{INCOMPLETE}: {why}"));
@@ -107,5 +128,48 @@ fn named(error: RecorderError, path: &Path) -> RecorderError {
     match error {
         RecorderError::Create { source, .. } => RecorderError::Create { path: path.to_owned(), source },
         other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_recording_has_its_name_only_when_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.rrd");
+        let config = RecorderConfig { group: "g".to_owned(), phones: vec!["a".to_owned()] };
+        let create = |overwrite| RecordingFile::create(&path, overwrite, &config);
+        let file = create(false).unwrap();
+        assert_eq!(names(folder.path()), ["drive.partial.rrd"]);
+        let (place, recorded) = file.finish("table").unwrap();
+        assert_eq!((place.as_path(), recorded.bytes), (path.as_path(), path.metadata().unwrap().len()));
+        assert_eq!(names(folder.path()), ["drive.rrd"]);
+        assert!(create(false).err().unwrap().to_string().contains("there is a file already"));
+
+        let before = std::fs::read(&path).unwrap();
+        let said = create(true).unwrap().give_up(&"the disk is full");
+        assert!(said.contains("drive.rrd: the recording is incomplete: the disk is full"), "{said}");
+        assert_eq!(names(folder.path()), ["drive.rrd"], "a replay can be made again");
+        let mut live = create(true).unwrap();
+        live.keep_live(Duration::from_secs(10));
+        let said = live.give_up(&"the disk is full");
+        assert!(said.contains("it is left as") && said.contains("drive.partial.rrd"), "{said}");
+        assert_eq!(names(folder.path()), ["drive.partial.rrd", "drive.rrd"]);
+        assert_eq!(std::fs::read(&path).unwrap(), before, "the one before is still there");
+
+        std::fs::remove_file(&path).unwrap();
+        assert!(create(false).err().unwrap().to_string().contains("did not come to its end"));
+        create(true).unwrap().remove();
+        assert_eq!(names(folder.path()), Vec::<String>::new());
     }
 }

@@ -50,10 +50,10 @@ fn after(milliseconds: u64) -> Duration {
 
 #[test]
 fn a_gap_is_asked_for_in_portions_when_it_has_not_closed_by_itself() {
-    let (mut intake, mut recovery) = (intake(), Recovery::new(true));
+    let (mut intake, mut recovery) = (intake(), Recovery::live(PATIENCE));
     send(&mut intake, [600]);
     assert_eq!(recovery.steps(&intake, after(0)), []);
-    assert_eq!(recovery.expected(after(0)).collect::<Vec<_>>(), [0]);
+    assert_eq!(recovery.slow(PATIENCE), [0]);
     assert_eq!(recovery.steps(&intake, after(100)), ask(0, PORTION));
     send(&mut intake, 0..30);
     assert_eq!(recovery.steps(&intake, after(900)), [], "the answer goes on");
@@ -63,13 +63,13 @@ fn a_gap_is_asked_for_in_portions_when_it_has_not_closed_by_itself() {
     send(&mut intake, PORTION..600);
     recovery.answered(0, "x");
     assert_eq!(recovery.steps(&intake, after(1_000)), []);
-    assert_eq!(recovery.expected(after(1_000)).count(), 0);
+    assert!(recovery.slow(2 * PATIENCE).is_empty(), "it is closed");
 }
 
 #[test]
 fn a_question_without_an_answer_is_asked_again_and_live_the_gap_is_given_up() {
-    let (mut intake, mut recovery) = (intake(), Recovery::new(true));
-    let mut replay = Recovery::new(false);
+    let (mut intake, mut recovery) = (intake(), Recovery::live(PATIENCE));
+    let mut replay = Recovery::of_a_replay();
     send(&mut intake, [3]);
     let mut asked = 0;
     for milliseconds in (0..10_000).step_by(50) {
@@ -83,13 +83,12 @@ fn a_question_without_an_answer_is_asked_again_and_live_the_gap_is_given_up() {
     }
     assert_eq!(asked, 20, "twice a second");
     assert_eq!(given_up(&recovery.steps(&intake, PATIENCE)), Some(3));
-    assert_eq!(recovery.expected(PATIENCE).count(), 0, "the others do not wait for ever");
     assert_eq!(given_up(&replay.steps(&intake, PATIENCE)), None, "an error, found at the end");
 }
 
 #[test]
 fn an_answer_whose_end_is_lost_is_not_waited_for_without_end() {
-    let (mut intake, mut recovery) = (intake(), Recovery::new(true));
+    let (mut intake, mut recovery) = (intake(), Recovery::live(PATIENCE));
     send(&mut intake, [3]);
     recovery.steps(&intake, after(0));
     assert_eq!(recovery.steps(&intake, after(100)), ask(0, 3));
@@ -101,7 +100,8 @@ fn an_answer_whose_end_is_lost_is_not_waited_for_without_end() {
 #[test]
 fn what_the_agent_does_not_keep_is_given_up_at_once_and_the_rest_asked_for() {
     for is_live in [true, false] {
-        let (mut intake, mut recovery) = (intake(), Recovery::new(is_live));
+        let (mut intake, mut recovery) =
+            (intake(), if is_live { Recovery::live(PATIENCE) } else { Recovery::of_a_replay() });
         kept(&mut intake, 5, 9);
         assert_eq!(recovery.steps(&intake, after(0)), [], "they may be on their way");
         assert_eq!(given_up(&recovery.steps(&intake, after(100))), Some(5));
@@ -113,7 +113,7 @@ fn what_the_agent_does_not_keep_is_given_up_at_once_and_the_rest_asked_for() {
 
 #[test]
 fn an_agent_that_appears_is_asked_until_it_answers() {
-    let (intake, mut recovery) = (intake(), Recovery::new(true));
+    let (intake, mut recovery) = (intake(), Recovery::live(PATIENCE));
     let who = [Step::Ask(Question { phone: 0, epochs: None })];
     recovery.appeared(0, after(0));
     assert_eq!(recovery.steps(&intake, after(0)), who);

@@ -86,6 +86,14 @@ fn constraints_are_expanded_to_pairs_and_phones() {
 }
 
 #[test]
+fn weeks_are_shifted_by_phone_and_session() {
+    let text = "group = 'g'\n[[phone]]\nname = 'a'\nshift_weeks = 1024\n[[phone]]\nname = 'b'\n[log]\nshift_weeks = -1024";
+    let session = parse(text).unwrap();
+    let shifts: Vec<_> = session.phones.iter().map(|phone| phone.shift_weeks).collect();
+    assert_eq!((shifts, session.settings.log.shift_weeks), (vec![Some(1_024), None], Some(-1_024)));
+}
+
+#[test]
 fn corrections_are_chosen_by_phone_and_session() {
     let text = "group = 'g'\n[[phone]]\nname = 'a'\nrecorded_corrections = true\n[[phone]]\nname = 'b'\n\
                 [correction]\nionosphere = 'pair-only'";
@@ -232,4 +240,44 @@ fn nonsense_is_refused_with_a_reason() {
 fn a_missing_file_is_named() {
     let message = Session::read(Path::new("no/such/session.toml")).unwrap_err().to_string();
     assert!(message.contains("no/such/session.toml") && message.contains("cannot read"), "{message}");
+}
+
+#[test]
+fn paths_are_relative_to_a_folder_that_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("session.toml");
+    std::fs::write(&file, SESSION).unwrap();
+    let data = folder.path().join("data of mine");
+    let refused = Session::read_with_data(&file, Some(&data)).unwrap_err().to_string();
+    assert!(
+        refused.contains("session.toml") && refused.contains("data of mine, which is no folder"),
+        "{refused}"
+    );
+    std::fs::create_dir(&data).unwrap();
+    let session = Session::read_with_data(&file, Some(&data)).unwrap();
+    assert_eq!(session.products.bias, [data.join("biases.bia")]);
+    assert_eq!(session.products.navigation, [PathBuf::from("/data/brdc.rnx.gz")], "absolute paths stay");
+    assert_eq!(session.phones[0].observations, Some(data.join("HP30.rnx")));
+    assert_eq!(session.phones[0].truth, Some(data.join("HP30.truth.csv")));
+    let beside = Session::read_with_data(&file, None).unwrap();
+    assert_eq!(beside.phones[0].truth, Some(folder.path().join("HP30.truth.csv")));
+}
+
+/// The sessions of the published dataset: four phones, a log and a truth each.
+#[test]
+fn the_sessions_to_reproduce_are_read() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reproduce");
+    for name in ["WH-3-08", "WH-3-09", "WH-4-06"] {
+        let session = Session::read(&folder.join(format!("{name}.toml"))).unwrap();
+        assert_eq!(session.phone_names(), ["HP30", "HP20", "VX30", "XIM8"], "{name}");
+        for phone in &session.phones {
+            let log = phone.observations.as_ref().unwrap().display().to_string();
+            assert!(log.contains(name) && log.ends_with(&format!("spare_log_{}.txt", phone.name)), "{log}");
+            assert!(
+                phone.truth.as_ref().unwrap().starts_with(folder.join("Ground Truth/2020-08-13")),
+                "{log}"
+            );
+        }
+        assert_eq!(session.constraints.len(), 6 + 4, "{name}");
+    }
 }

@@ -51,6 +51,7 @@ pub(super) struct PhoneEntry {
     pub truth: Option<PathBuf>,
     #[serde(default)]
     pub recorded_corrections: bool,
+    pub shift_weeks: Option<i64>,
     pub date: Option<String>,
     #[serde(default)]
     pub exclude: Vec<Exclusion>,

@@ -6,10 +6,12 @@ use cofix_common::accuracy::Truth;
 use cofix_common::gsdc::ground_truth;
 use cofix_common::orbit::{Products, Sp3};
 use cofix_common::rinex::{MAX_DECOMPRESSED_BYTES, NavigationDecoder, NavigationFile, Packing, decompress};
+use cofix_common::whu::truth_table;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
 use crate::portions::{feed_both_ways, random_portions};
+use crate::streams::near;
 use crate::{checks, round_trip};
 
 /// RINEX 2, 3 and 4 navigation.
@@ -62,9 +64,9 @@ fn products(sp3: Vec<Sp3>, navigation: Vec<NavigationFile>) {
     }
 }
 
-/// Ground truth of the challenge, and our own table.
+/// Ground truth of the challenge, truth tables of the WHU-Smartphone dataset, and our own table.
 pub fn truth(bytes: &[u8]) {
-    for parsed in [ground_truth(bytes), Truth::parse_csv(bytes)] {
+    for parsed in [ground_truth(bytes), truth_table(bytes, near()), Truth::parse_csv(bytes)] {
         let Ok((truth, _)) = parsed else { continue };
         let Some((first, last)) = truth.span() else { continue };
         assert!(first <= last && truth.interval_s().is_finite());

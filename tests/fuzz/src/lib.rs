@@ -29,7 +29,7 @@ pub use files::{gzip, navigation, sp3, truth};
 pub use messages::{rtcm_messages, wire};
 pub use navbits::navbits;
 pub use products::{biases, clocks, ionex};
-pub use streams::{challenge_table, compact_rinex, gnsslogger, observations, rtcm_stream};
+pub use streams::{challenge_table, compact_rinex, gnsslogger, observations, rtcm_stream, spare_log};
 
 #[cfg(feature = "agent")]
 pub use casters::ntrip;
@@ -53,6 +53,7 @@ pub const TARGETS: &[Target] = &[
     ("rtcm_stream", rtcm_stream),
     ("rtcm_messages", rtcm_messages),
     ("challenge_table", challenge_table),
+    ("spare_log", spare_log),
     ("truth", truth),
     ("gzip", gzip),
     ("wire", wire),

@@ -4,11 +4,13 @@
 use cofix_agent::format::Format;
 #[cfg(feature = "agent")]
 use cofix_agent::stream::StreamDecoder;
+use cofix_common::decode::Decoder;
 use cofix_common::gnsslogger::{GnssLoggerDecoder, Masks, Options};
 use cofix_common::gsdc::{DerivedDecoder, DerivedFile};
 use cofix_common::rinex::{ObservationDecoder, ObservationFile};
 use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::time::GpsTime;
+use cofix_common::whu::SpareLogDecoder;
 
 use crate::portions::{Outcome, feed, feed_both_ways, random_portions, same};
 use crate::{checks, round_trip};
@@ -91,11 +93,33 @@ pub fn challenge_table(bytes: &[u8]) {
     }
 }
 
+/// Spare logs of the WHU-Smartphone dataset, with the standard deviations that they state.
+pub fn spare_log(bytes: &[u8]) {
+    let outcome = feed_both_ways(SpareLogDecoder::default, bytes);
+    check(&outcome, bytes);
+    checks::in_bounds(&outcome.records, &(1e6..=1e9));
+    let mut decoder = SpareLogDecoder::default();
+    // What it says of the stream was compared above.
+    let _ = decoder.feed(bytes).and_then(|()| decoder.finish());
+    while let Some(record) = decoder.next_record() {
+        let Some(epoch) = checks::epoch(&record) else { continue };
+        let stated = decoder.stated_sigmas();
+        assert_eq!(stated.len(), epoch.observations.len(), "{}", epoch.time_gps);
+        for (observation, sigmas) in epoch.observations.iter().zip(stated) {
+            for (value, sigma) in [
+                (observation.pseudorange_m, sigmas.pseudorange_m),
+                (observation.carrier_phase_cycles, sigmas.carrier_phase_cycles),
+                (observation.doppler_hz, sigmas.doppler_hz),
+            ] {
+                assert!(sigma.is_none_or(|s| s > 0.0 && s.is_finite() && value.is_some()), "{sigmas:?}");
+            }
+        }
+    }
+}
+
 /// A stream of any format, which is recognised first.
 #[cfg(feature = "agent")]
 pub fn stream(bytes: &[u8]) {
-    use cofix_common::decode::Decoder;
-
     let mut whole = StreamDecoder::new(near());
     let at_once = feed(&mut whole, [bytes]);
     check_loosely(&at_once, bytes);

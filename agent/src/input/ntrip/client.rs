@@ -20,6 +20,14 @@ const REPLY: Duration = Duration::from_secs(10);
 /// How often a caster hears where the rover is.
 const REPORT: Duration = Duration::from_secs(10);
 
+/// So long a stream that was granted may be silent before a word is said, where no position was told.
+const SILENCE: Duration = Duration::from_secs(10);
+/// Distance of a rover from the Earth's centre, m: from the bottom of the sea at a pole to an aeroplane at the equator.
+const RADIUS_BOUNDS_M: std::ops::RangeInclusive<f64> = 6.33e6..=6.41e6;
+/// What to do about a caster that waits for a position.
+const NO_POSITION: &str = "no position could be told to the caster, and some send nothing before they know it: give --approximate-position \
+                           LATITUDE,LONGITUDE,HEIGHT";
+
 /// What to do about a caster that answers in TLS.
 pub(super) const SPEAKS_TLS: &str =
     "the caster speaks TLS at this port: write ntrips:// in place of ntrip://";
@@ -35,6 +43,13 @@ impl RoverPosition {
     /// Tells it.
     pub fn set(&self, position: Ecef) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(position);
+    }
+
+    /// Tells an approximate one, where none is known and this is one: headers may have zeros.
+    pub fn suppose(&self, position: Option<Ecef>) {
+        let position = position.filter(|position| RADIUS_BOUNDS_M.contains(&position.0.norm()));
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *known = known.or(position);
     }
 
     /// The last one told.
@@ -107,6 +122,10 @@ impl Dial for Client {
         self.mount.to_string()
     }
 
+    fn advice(&self) -> Option<&'static str> {
+        self.rover.get().is_none().then_some(NO_POSITION)
+    }
+
     fn dial(&mut self, stop: &Stop) -> Result<Box<dyn Read>, DialError> {
         let mut wire = connect(&self.mount.caster, stop)?;
         let position = self.rover.get().map(sentence_now);
@@ -116,7 +135,7 @@ impl Dial for Client {
         let (reply, body) = await_reply(wire.as_mut(), &self.mount.caster, stop)?;
         match reply {
             Reply::Stream { chunked } => {
-                let mut stream = Stream::new(wire, chunked, self.rover.clone());
+                let mut stream = Stream::new(wire, chunked, self.rover.clone(), self.name());
                 stream.body.take(&body);
                 Ok(Box::new(stream))
             }
@@ -250,11 +269,24 @@ struct Stream {
     rover: RoverPosition,
     reported: Option<Instant>,
     raw: Vec<u8>,
+    name: String,
+    /// Since when nothing has come at all; `None` once something has, or it was said.
+    silent_since: Option<Instant>,
 }
 
 impl Stream {
-    fn new(wire: Box<dyn Wire>, chunked: bool, rover: RoverPosition) -> Self {
-        Self { wire, body: Body::new(chunked), rover, reported: None, raw: vec![0; PORTION_BYTES] }
+    fn new(wire: Box<dyn Wire>, chunked: bool, rover: RoverPosition, name: String) -> Self {
+        let (body, raw, silent_since) = (Body::new(chunked), vec![0; PORTION_BYTES], Some(Instant::now()));
+        Self { wire, body, rover, reported: None, raw, name, silent_since }
+    }
+
+    /// Says once that the caster may wait for a position.
+    fn say_silence(&mut self) {
+        let is_long = self.silent_since.is_some_and(|since| since.elapsed() >= SILENCE);
+        if is_long && self.reported.is_none() {
+            self.silent_since = None;
+            tracing::warn!("{}: nothing has come for {} s: {NO_POSITION}", self.name, SILENCE.as_secs());
+        }
     }
 
     /// Tells the caster where the rover is, when that is due.
@@ -274,9 +306,10 @@ impl Read for Stream {
         loop {
             let count = self.body.give(buffer);
             if count > 0 || self.body.is_complete()? {
+                self.silent_since = None;
                 return Ok(count);
             }
-            let read = self.wire.read(&mut self.raw)?;
+            let read = self.wire.read(&mut self.raw).inspect_err(|_| self.say_silence())?;
             if read == 0 {
                 return Ok(0);
             }

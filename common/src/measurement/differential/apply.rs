@@ -81,16 +81,29 @@ impl Differential {
 
     fn count_stale(&self, observations: &[CorrectedObservation], time_gps: GpsTime, applied: &mut Applied) {
         let count = observations.len() as u64;
-        let last = self.bases.iter().flatten().map(BaseEpoch::time_gps).max();
-        let Some(last) = last else {
-            applied.counts.missing = count;
-            applied.skips.add("epoch without corrections, used uncorrected", || format!("{time_gps}"));
-            return;
-        };
-        applied.counts.too_old = count;
-        applied.skips.add("epoch whose corrections are too old, used uncorrected", || {
-            format!("{time_gps}: {:.1} s, the limit is {} s", time_gps - last, self.options.maximum_age_s)
-        });
+        let limit_s = self.options.maximum_age_s;
+        let times = self.bases.iter().flatten().map(BaseEpoch::time_gps);
+        let nearest = times.min_by(|a, b| (*a - time_gps).abs().total_cmp(&(*b - time_gps).abs()));
+        match nearest {
+            None => {
+                applied.counts.missing = count;
+                applied.skips.add("epoch without corrections, used uncorrected", || format!("{time_gps}"));
+            }
+            Some(nearest) if nearest > time_gps => {
+                applied.counts.missing = count;
+                applied.skips.add("epoch whose corrections are of later, used uncorrected", || {
+                    let later_s = nearest - time_gps;
+                    format!("{time_gps}: the nearest are {later_s:.1} s later, of {nearest}; the limit is {limit_s} s")
+                });
+            }
+            Some(nearest) => {
+                applied.counts.too_old = count;
+                applied.skips.add("epoch whose corrections are too old, used uncorrected", || {
+                    let age_s = time_gps - nearest;
+                    format!("{time_gps}: {age_s:.1} s, the last are of {nearest}; the limit is {limit_s} s")
+                });
+            }
+        }
     }
 
     /// Looks for the correction of one observation.

@@ -20,16 +20,15 @@ impl HeaderBuilder {
             b' ' => self.continued?,
             letter => {
                 let count = usize::try_from(integer(columns(line, 3, 6))?).ok()?;
-                let constellation = Constellation::from_letter(letter as char)?;
+                let constellation = Constellation::from_letter(letter.to_ascii_uppercase() as char)?;
                 self.header.observation_types.insert(constellation, Vec::new());
                 (constellation, count)
             }
         };
-        let version = self.header.version;
         let types = self.header.observation_types.entry(constellation).or_default();
         for index in 0..remaining.min(13) {
             let code = columns(line, 6 + 4 * index, 10 + 4 * index).trim_ascii();
-            types.push(observation_type(code, constellation, version)?);
+            types.push(observation_type(code)?);
             remaining -= 1;
         }
         self.continued = (remaining > 0).then_some((constellation, remaining));
@@ -40,13 +39,12 @@ impl HeaderBuilder {
         let mut scaled = match *columns(line, 0, 1).first()? {
             b' ' => self.scaled?,
             letter => {
-                let constellation = Constellation::from_letter(letter as char)?;
+                let constellation = Constellation::from_letter(letter.to_ascii_uppercase() as char)?;
                 let factor = real(columns(line, 2, 6)).filter(|f| *f >= 1.0)?;
                 let listed = integer(columns(line, 8, 10)).unwrap_or(0);
                 Scaled { constellation, factor, remaining: usize::try_from(listed).ok()? }
             }
         };
-        let version = self.header.version;
         let types = self.header.observation_types.get_mut(&scaled.constellation)?;
         if scaled.remaining == 0 {
             for observed in types {
@@ -56,7 +54,7 @@ impl HeaderBuilder {
         }
         for index in 0..scaled.remaining.min(12) {
             let code = columns(line, 11 + 4 * index, 14 + 4 * index).trim_ascii();
-            let wanted = observation_type(code, scaled.constellation, version)?;
+            let wanted = observation_type(code)?;
             let is_wanted = |t: &&mut ObservationType| t.kind == wanted.kind && t.signal == wanted.signal;
             if let Some(found) = types.iter_mut().find(is_wanted) {
                 found.scale = scaled.factor;

@@ -68,11 +68,18 @@ impl ObservationDecoder {
         if let Err(error) = self.builder.line_between_epochs(number, line) {
             self.skips.add("header line between epochs cannot be read", || error.to_string());
         }
-        self.layouts = Layouts::new(self.builder.header());
+        self.lay_out();
+    }
+
+    /// Settles the columns by the header as it is now.
+    pub(super) fn lay_out(&mut self) {
+        let layouts = Layouts::new(self.builder.header());
+        layouts.count_taken(&self.layouts, &mut self.skips);
+        self.layouts = layouts;
     }
 
     pub(super) fn begin(&mut self, number: u64, line: &[u8], take: Take<'_>) -> State {
-        let at = if self.builder.is_2() { 28 } else { 31 };
+        let at = if self.builder.is_2() { 28 } else { 31 - epoch_3::columns_missing(line) };
         let flag = columns(line, at, at + 1);
         let count = integer(columns(line, at + 1, at + 4)).and_then(|n| usize::try_from(n).ok());
         let kind = flag.first().and_then(|digit| EventKind::from_flag(*digit));

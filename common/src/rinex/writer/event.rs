@@ -1,7 +1,7 @@
 //! Events between epochs.
 
-use super::observation::{ObservationWriter, PHASE, digits, distinct, epoch_line};
-use crate::gnss::{Event, EventKind};
+use super::observation::{ObservationWriter, PHASE, can_be, digits, distinct, epoch_line};
+use crate::gnss::{CycleSlip, Event, EventKind};
 use crate::rinex::columns;
 use crate::rinex::pending::is_comment;
 
@@ -51,14 +51,20 @@ impl ObservationWriter {
 
     /// Satellites' lines with slips in place of phases.
     fn cycle_slips(&mut self, event: &Event) -> String {
-        let satellites = distinct(event.slips.iter().map(|slip| slip.satellite));
+        for CycleSlip { satellite, signal, .. } in &event.slips {
+            if let Some(reason) = satellite.cannot_send(*signal) {
+                self.skips.add(reason, || format!("slip of {satellite} {signal}"));
+            }
+        }
+        let possible = event.slips.iter().filter(|slip| can_be(slip.satellite, slip.signal));
+        let satellites = distinct(possible.map(|slip| slip.satellite));
         let mut text = epoch_line(event.time_gps, event.kind.flag(), satellites.len());
         for satellite in satellites {
             let mut line = satellite.to_string();
             for (signal, (letter, _)) in self.layout.columns(satellite.constellation) {
                 let mut of_signal =
                     event.slips.iter().filter(|s| (s.satellite, s.signal) == (satellite, signal));
-                let slip = of_signal.next().filter(|_| letter == PHASE);
+                let slip = of_signal.next().filter(|_| letter == PHASE && can_be(satellite, signal));
                 let name = || format!("slip of {satellite} {signal}");
                 line += &slip
                     .map_or_else(|| " ".repeat(14), |slip| digits(slip.slip_cycles, name, &mut self.skips));

@@ -2,7 +2,7 @@
 
 use super::{calendar_columns, scientific};
 use crate::orbit::{GlonassEphemeris, accuracy_m};
-use crate::rinex::leap_seconds_at;
+use crate::rinex::leap_seconds::leap_seconds_by;
 
 /// Highest accuracy factor F_T that has a meaning (ICD table 4.4).
 const LAST_ACCURACY_FACTOR: u8 = 14;
@@ -11,15 +11,15 @@ const REFERENCE_GRID_S: f64 = 900.0;
 /// An L1-L2 delay that is not known (RINEX 3.05, table A10).
 const UNKNOWN_DELAY: f64 = 0.999999999999e9;
 
-/// The record of a GLONASS ephemeris (RINEX 3.05, table A10). `leap_seconds` are those of the file's header; where it has
-/// none, those of the date. `None` when the reference time is then not a quarter of an hour of UTC, as all reference
+/// The record of a GLONASS ephemeris (RINEX 3.05, table A10). `leap_seconds` are those of the file's header, which
+/// count beyond the known leap seconds only. `None` when the reference time is then not a quarter of an hour of UTC, as all reference
 /// times are, or the calendar cannot show it.
 ///
 /// What [`GlonassEphemeris`] does not keep is written as unknown (status flags) or as the reference time (message frame
 /// time).
 pub fn glonass_record(ephemeris: &GlonassEphemeris, leap_seconds: Option<i64>) -> Option<String> {
     let e = ephemeris;
-    let utc = e.toe - leap_seconds.unwrap_or_else(|| leap_seconds_at(e.toe)) as f64;
+    let utc = e.toe - leap_seconds_by(leap_seconds, e.toe) as f64;
     if utc.tow_s() % REFERENCE_GRID_S != 0.0 {
         return None;
     }

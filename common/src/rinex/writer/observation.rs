@@ -8,9 +8,12 @@ use crate::frames::Ecef;
 use crate::gnss::{
     Constellation, EpochFlag, Event, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
+use crate::rinex::Equipment;
 use crate::skips::Skips;
 use crate::time::{Calendar, GpsTime};
 
+/// The version that files are written in where its codes suffice.
+const WIDELY_READ: u16 = 305;
 /// Types on a line of SYS / # / OBS TYPES.
 const TYPES_ON_LINE: usize = 13;
 /// Satellites on a line of GLONASS SLOT / FRQ #.
@@ -41,8 +44,8 @@ pub struct ObservationLayout {
 pub struct RecordingInfo {
     /// Marker name.
     pub marker_name: String,
-    /// Receiver type.
-    pub receiver_type: String,
+    /// Receiver, antenna and people.
+    pub equipment: Equipment,
     /// Date and time of writing, for example `20200813 141902 UTC`.
     pub created: String,
     /// Approximate position.
@@ -60,7 +63,7 @@ impl ObservationLayout {
     pub fn include(&mut self, epoch: &ObservationEpoch) {
         let (first, last) = self.span.unwrap_or((epoch.time_gps, epoch.time_gps));
         self.span = Some((first.min(epoch.time_gps), last.max(epoch.time_gps)));
-        for observation in &epoch.observations {
+        for observation in epoch.observations.iter().filter(|o| can_be(o.satellite, o.signal)) {
             let key = (observation.satellite.constellation, observation.signal);
             let used = self.signals.entry(key).or_default();
             for (used, (_, value)) in used.iter_mut().zip(COLUMNS) {
@@ -74,7 +77,7 @@ impl ObservationLayout {
 
     /// Makes room for an event: slips stand in the columns of the phases.
     pub fn include_event(&mut self, event: &Event) {
-        for slip in &event.slips {
+        for slip in event.slips.iter().filter(|slip| can_be(slip.satellite, slip.signal)) {
             let key = (slip.satellite.constellation, slip.signal);
             let [_, phase, ..] = self.signals.entry(key).or_default();
             *phase = true;
@@ -86,6 +89,12 @@ impl ObservationLayout {
         self.signals.iter().filter(move |((other, _), _)| *other == system).flat_map(|((_, signal), used)| {
             COLUMNS.into_iter().zip(used).filter(|(_, used)| **used).map(|(column, _)| (*signal, column))
         })
+    }
+
+    /// 3.05, which all programs read, unless a code came later.
+    fn version(&self) -> &'static str {
+        let newest = self.signals.keys().filter_map(|(system, signal)| signal.since(*system)).max();
+        if newest.is_some_and(|since| since > WIDELY_READ) { "4.02" } else { "3.05" }
     }
 
     fn systems(&self) -> Vec<Constellation> {
@@ -115,21 +124,18 @@ impl ObservationWriter {
 
     /// The header, with END OF HEADER.
     pub fn header(&self, info: &RecordingInfo) -> String {
-        let position = info.approximate_position.unwrap_or(Ecef::new(0.0, 0.0, 0.0)).0;
         let clipped = |text: &str, width: usize| text.chars().take(width).collect::<String>();
-        let version = format!("{:>9}{:11}{:<20}{:<20}", "3.05", "", "OBSERVATION DATA", "M");
-        let receiver = format!("{:<20}{:<20}", "", clipped(&info.receiver_type, 20));
+        let version = format!("{:>9}{:11}{:<20}{:<20}", self.layout.version(), "", "OBSERVATION DATA", "M");
         let mut text = labelled(&version, "RINEX VERSION / TYPE");
         text += &program_line(&info.created);
         text += &labelled(&clipped(&info.marker_name, 60), "MARKER NAME");
-        text += &labelled("", "OBSERVER / AGENCY");
-        text += &labelled(&receiver, "REC # / TYPE / VERS");
-        text += &labelled("", "ANT # / TYPE");
-        text += &labelled(
-            &format!("{:14.4}{:14.4}{:14.4}", position.x, position.y, position.z),
-            "APPROX POSITION XYZ",
-        );
-        text += &labelled(&format!("{:14.4}{:14.4}{:14.4}", 0.0, 0.0, 0.0), "ANTENNA: DELTA H/E/N");
+        text += &equipment(&info.equipment);
+        // Without one the line is left out, as of a moving platform: zeros would read as the Earth's centre.
+        if let Some(Ecef(position)) = info.approximate_position {
+            text += &labelled(&three(position.into()), "APPROX POSITION XYZ");
+        }
+        text +=
+            &labelled(&three(info.equipment.antenna_delta_hen_m.unwrap_or_default()), "ANTENNA: DELTA H/E/N");
         text += &self.types();
         if let Some(interval_s) = info.interval_s {
             text += &labelled(&format!("{interval_s:10.3}"), "INTERVAL");
@@ -177,9 +183,15 @@ impl ObservationWriter {
         systems.map(|system| labelled(&system.letter().to_string(), "SYS / PHASE SHIFT")).collect()
     }
 
-    /// An epoch: its line and one per satellite.
+    /// An epoch: its line and one per satellite. Signals that satellites cannot send are left out: no reader would take them.
     pub fn epoch(&mut self, epoch: &ObservationEpoch) -> String {
-        let satellites = distinct(epoch.observations.iter().map(|o| o.satellite));
+        for Observation { satellite, signal, .. } in &epoch.observations {
+            if let Some(reason) = satellite.cannot_send(*signal) {
+                self.skips.add(reason, || format!("{satellite} {signal} at {}", epoch.time_gps));
+            }
+        }
+        let possible = epoch.observations.iter().filter(|o| can_be(o.satellite, o.signal));
+        let satellites = distinct(possible.map(|o| o.satellite));
         let flag = match epoch.flag {
             EpochFlag::Ok => 0,
             EpochFlag::PowerFailure => 1,
@@ -197,7 +209,7 @@ impl ObservationWriter {
         for (signal, (letter, value)) in layout.columns(satellite.constellation) {
             let mut of_signal =
                 epoch.observations.iter().filter(|o| (o.satellite, o.signal) == (satellite, signal));
-            let Some(observation) = of_signal.next() else {
+            let Some(observation) = of_signal.next().filter(|_| can_be(satellite, signal)) else {
                 line += &" ".repeat(16);
                 continue;
             };
@@ -214,6 +226,37 @@ impl ObservationWriter {
         line.truncate(line.trim_end().len());
         line + "\n"
     }
+}
+
+/// Whether a file may have a signal of a satellite.
+pub(super) fn can_be(satellite: SatelliteId, signal: SignalCode) -> bool {
+    satellite.cannot_send(signal).is_none()
+}
+
+/// Three lengths, m.
+fn three([a, b, c]: [f64; 3]) -> String {
+    format!("{a:14.4}{b:14.4}{c:14.4}")
+}
+
+/// The lines of marker, people, receiver and antenna.
+fn equipment(e: &Equipment) -> String {
+    let columns = |parts: &[&str]| {
+        parts.iter().fold(String::new(), |line, part| {
+            let part: String = part.chars().take(20).collect();
+            line + &format!("{part:<20}")
+        })
+    };
+    let mut text = String::new();
+    for (part, label) in [(&e.marker_number, "MARKER NUMBER"), (&e.marker_type, "MARKER TYPE")] {
+        if !part.is_empty() {
+            text += &labelled(&columns(&[part]), label);
+        }
+    }
+    let agency: String = e.agency.chars().take(40).collect();
+    text += &labelled(&(columns(&[&e.observer]) + &agency), "OBSERVER / AGENCY");
+    let receiver = columns(&[&e.receiver_number, &e.receiver_type, &e.receiver_version]);
+    text += &labelled(&receiver, "REC # / TYPE / VERS");
+    text + &labelled(&columns(&[&e.antenna_number, &e.antenna_type]), "ANT # / TYPE")
 }
 
 /// A value as F14.3; blank and counted when it does not fit, or would read as missing.

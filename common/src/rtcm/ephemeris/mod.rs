@@ -8,6 +8,7 @@ pub(super) use fields::power;
 use fields::{Orbit, Rest};
 
 use super::bits::{Bits, TooShort};
+use super::date::{Claim, Unit};
 use crate::gnss::Constellation;
 use crate::orbit::KeplerEphemeris;
 use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, GpsTime, SECONDS_PER_WEEK};
@@ -32,8 +33,14 @@ impl From<TooShort> for Fault {
     }
 }
 
-/// Decodes an ephemeris message by its number. `now` is where the stream is in time, to complete week numbers.
-pub(super) fn decode(bytes: &[u8], number: u32, now: GpsTime) -> Result<KeplerEphemeris, Fault> {
+/// An ephemeris as sent: all but its date is known.
+pub(super) struct Sent {
+    rest: Rest,
+    orbit: Orbit,
+}
+
+/// Reads an ephemeris message by its number.
+pub(super) fn read(bytes: &[u8], number: u32) -> Result<Sent, Fault> {
     let mut bits = Bits::new(bytes);
     bits.skip(12);
     let (rest, orbit) = match number {
@@ -42,17 +49,48 @@ pub(super) fn decode(bytes: &[u8], number: u32, now: GpsTime) -> Result<KeplerEp
         1044 => fields::qzss(&mut bits)?,
         _ => fields::galileo(&mut bits, number == 1046)?,
     };
-    assemble(&rest, &orbit, now)
-}
-
-fn assemble(rest: &Rest, orbit: &Orbit, now: GpsTime) -> Result<KeplerEphemeris, Fault> {
     within("satellite number", f64::from(rest.satellite.number), 1.0, 63.0)?;
     within("sqrt(A)", orbit.sqrt_a, 4e3, 8e3)?;
     within("eccentricity", orbit.eccentricity, 0.0, 0.499)?;
     within("toe", orbit.toe_s, 0.0, SECONDS_PER_WEEK - 1.0)?;
     within("toc", rest.toc_s, 0.0, SECONDS_PER_WEEK - 1.0)?;
-    let (toe, toc) = references(rest, orbit.toe_s, now)?;
-    Ok(KeplerEphemeris {
+    within("toc less toe (s)", from_toe_to_toc_s(&rest, &orbit), -MAX_TOE_TOC_S, MAX_TOE_TOC_S)?;
+    Ok(Sent { rest, orbit })
+}
+
+impl Sent {
+    /// The date that it states.
+    pub(super) fn claim(&self) -> Claim {
+        let Self { rest, orbit } = self;
+        let (offset, behind_s) = match rest.satellite.constellation {
+            Constellation::Beidou => (BEIDOU_WEEK_OFFSET, BEIDOU_BEHIND_GPS_S),
+            Constellation::Galileo => (GALILEO_WEEK_OFFSET, 0.0),
+            _ => (0, 0.0),
+        };
+        let (week, period) = rest.week;
+        Claim {
+            satellite: rest.satellite,
+            as_sent: GpsTime::from_week_tow(i64::from(week) + offset, orbit.toe_s + behind_s),
+            repeats_days: Some(7 * period),
+            unit: Unit::Week,
+        }
+    }
+
+    /// The ephemeris with its reference time.
+    pub(super) fn dated(self, toe: GpsTime) -> KeplerEphemeris {
+        let toc = toe + from_toe_to_toc_s(&self.rest, &self.orbit);
+        assembled(&self.rest, &self.orbit, (toe, toc))
+    }
+}
+
+/// From the orbit's reference time to the clock's, which is the nearest to it, s.
+fn from_toe_to_toc_s(rest: &Rest, orbit: &Orbit) -> f64 {
+    let difference_s = rest.toc_s - orbit.toe_s;
+    difference_s - (difference_s / SECONDS_PER_WEEK).round() * SECONDS_PER_WEEK
+}
+
+fn assembled(rest: &Rest, orbit: &Orbit, (toe, toc): (GpsTime, GpsTime)) -> KeplerEphemeris {
+    KeplerEphemeris {
         satellite: rest.satellite,
         message: rest.message,
         toe,
@@ -76,7 +114,7 @@ fn assemble(rest: &Rest, orbit: &Orbit, now: GpsTime) -> Result<KeplerEphemeris,
         health: f64::from(rest.health),
         issue_of_data: rest.issue_of_data,
         issue_of_clock: rest.issue_of_clock,
-    })
+    }
 }
 
 /// Refuses a value outside its limits.
@@ -85,32 +123,4 @@ pub(super) fn within(name: &str, value: f64, low: f64, high: f64) -> Result<(), 
         return Ok(());
     }
     Err(Fault::Impossible(format!("{name} = {value:e}, limits {low:e} to {high:e}")))
-}
-
-/// Reference times of orbit and clock. The week as sent is that of the transmission, so next to a week's end the reference
-/// may lie in the other week; the stream's own time decides, and the clock's reference goes with the orbit's.
-fn references(rest: &Rest, toe_s: f64, now: GpsTime) -> Result<(GpsTime, GpsTime), Fault> {
-    let (offset, behind_s) = match rest.satellite.constellation {
-        Constellation::Beidou => (BEIDOU_WEEK_OFFSET, BEIDOU_BEHIND_GPS_S),
-        Constellation::Galileo => (GALILEO_WEEK_OFFSET, 0.0),
-        _ => (0, 0.0),
-    };
-    let (sent, period) = rest.week;
-    let shortened = i64::from(sent) + offset;
-    let periods = (now.week() - shortened + period / 2).div_euclid(period);
-    let week = shortened + periods * period;
-    let as_sent = GpsTime::from_week_tow(week, toe_s + behind_s);
-    let toe = [0.0, -SECONDS_PER_WEEK, SECONDS_PER_WEEK]
-        .into_iter()
-        .map(|shift| as_sent + shift)
-        .find(|toe| (*toe - now).abs() <= SECONDS_PER_WEEK / 2.0)
-        .unwrap_or(as_sent);
-    let same_week = toe + (rest.toc_s - toe_s);
-    let toc = same_week + ((toe - same_week) / SECONDS_PER_WEEK).round() * SECONDS_PER_WEEK;
-    if (toe - toc).abs() > MAX_TOE_TOC_S {
-        return Err(Fault::Impossible(format!(
-            "toe {toe} and toc {toc} are more than {MAX_TOE_TOC_S} s apart"
-        )));
-    }
-    Ok((toe, toc))
 }

@@ -93,11 +93,7 @@ pub(super) struct Tracked {
 pub(super) fn decode(bytes: &[u8], kind: Kind) -> Result<Message, TooShort> {
     let mut bits = Bits::new(bytes);
     bits.skip(12 + 12); // message number, station
-    let sent = match kind.constellation {
-        // The day is not sent.
-        Constellation::Glonass => SentTime::Glonass { day: 7, millis: bits.unsigned(27)? },
-        _ => SentTime::OfWeek(bits.unsigned(30)?),
-    };
+    let sent = SentTime::of_legacy(&mut bits, kind.constellation)?;
     let more_follow = bits.flag()?;
     let count = bits.unsigned(5)?;
     bits.skip(1 + 3); // smoothing and its interval

@@ -40,6 +40,11 @@ impl Memory {
     }
 }
 
+/// Whose observations a message is of, by its number; `None` of any other message.
+pub(super) fn constellation(number: u32) -> Option<Constellation> {
+    Kind::of(number).map(|kind| kind.constellation)
+}
+
 /// Whether a number is of one of these messages.
 pub(super) const fn is_legacy(number: u32) -> bool {
     Kind::of(number).is_some()
@@ -55,7 +60,7 @@ impl RtcmDecoder {
             return;
         }
         let Ok(message) = fields::decode(bytes, kind) else { return self.too_short(bytes, number) };
-        let Some(time) = self.admitted(number, kind.constellation, message.sent) else { return };
+        let Some(time) = self.admitted(bytes, kind.constellation, message.sent) else { return };
         let mut observations = Vec::with_capacity(2 * message.satellites.len());
         for sent in &message.satellites {
             let Some(satellite) = self.legacy_satellite(time, kind.constellation, sent) else { continue };

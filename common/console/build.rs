@@ -7,14 +7,8 @@ use std::process::Command;
 /// Digits of a commit that are shown.
 const SHOWN: usize = 12;
 /// Sources of the programs, seen from here: with one of them changed, a build is not of the commit alone.
-const SOURCES: [&str; 6] = [
-    "../Cargo.lock",
-    "../common/src",
-    "../agent/src",
-    "../console/src",
-    "../fusion-hub/src",
-    "../viewer/src",
-];
+const SOURCES: [&str; 6] =
+    ["../../Cargo.lock", "../src", "../../agent/src", "src", "../../fusion-hub/src", "../../viewer/src"];
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
@@ -33,7 +27,7 @@ fn main() {
 /// The commit of the repository whose top this workspace is, with a mark when tracked files differ from it.
 fn by_git() -> Option<String> {
     let folder = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR")?);
-    let workspace = folder.parent()?;
+    let workspace = folder.parent()?.parent()?;
     let top = git(workspace, &["rev-parse", "--show-toplevel"])?;
     // Unpacked inside another repository, this one's commit is not that one's.
     if Path::new(&top).canonicalize().ok()? != workspace.canonicalize().ok()? {

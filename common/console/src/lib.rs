@@ -3,6 +3,7 @@
 use std::fmt::{self, Display};
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
+use std::sync::OnceLock;
 
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::EnvFilter;
@@ -73,11 +74,34 @@ pub fn start_log(verbosity: Verbosity, usual: LevelFilter, lines: Lines) {
     };
     let log = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(io::stderr)
+        .with_writer(|| Log)
         .with_ansi(io::stderr().is_terminal());
     match lines {
         Lines::Timed => log.init(),
         Lines::Plain => log.event_format(Plain).init(),
+    }
+}
+
+/// What writes the log in place of the standard error.
+static WRITE: OnceLock<WriteLog> = OnceLock::new();
+
+/// Writes a part of the log; returns how many bytes it took.
+pub type WriteLog = fn(&[u8]) -> io::Result<usize>;
+
+/// Lets the log go through `write`, for one who draws on the terminal; the first call counts.
+pub fn write_log_through(write: WriteLog) {
+    WRITE.get_or_init(|| write);
+}
+
+struct Log;
+
+impl Write for Log {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        WRITE.get().map_or_else(|| io::stderr().write(bytes), |write| write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
     }
 }
 

@@ -1,0 +1,149 @@
+//! What is said of phones while agent and hub run: one line a phone, and alarms at once.
+//!
+//! [`Pulse`] holds what is known of a phone's last epochs and puts it into words; it has no clock of its own. [`Board`] shows lines
+//! on a terminal, where they are redrawn, or logs them now and then.
+
+mod board;
+
+use std::collections::{BTreeSet, VecDeque};
+use std::time::Duration;
+
+use cofix_common::filter::PhoneState;
+use cofix_common::frames::LocalFrame;
+use cofix_common::integrity::Verdict;
+use cofix_common::measurement::Usage;
+use cofix_common::time::GpsTime;
+use cofix_common::wire::EpochMessage;
+
+pub use board::Board;
+
+/// The rate of epochs is that of the last so many seconds.
+const RATE_WINDOW: Duration = Duration::from_secs(10);
+/// The same alarm about a phone comes at most as often.
+const QUIET: Duration = Duration::from_mins(1);
+/// Epochs that are further from the computer's clock, s, are those of a recording, of which it says nothing.
+const RECORDING_S: f64 = 30.0 * 86_400.0;
+/// A live phone and the computer whose clocks differ by more, s: one of the two is wrong.
+const WRONG_CLOCK_S: f64 = 60.0;
+/// A live phone whose epochs are older than this, s, falls behind.
+const LATE_S: f64 = 10.0;
+
+/// When something is, by a steady clock and in GPS time by the computer's.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment {
+    /// Time since the start.
+    pub now: Duration,
+    /// GPS time by the computer's clock.
+    pub wall_gps: GpsTime,
+}
+
+/// What is known of a phone's last epoch.
+#[derive(Clone, Copy, Debug)]
+struct Last {
+    at: Duration,
+    time_gps: GpsTime,
+    satellites: usize,
+    sigma_m: Option<f64>,
+    verdict: Verdict,
+}
+
+/// A phone's last epochs.
+#[derive(Clone, Debug, Default)]
+pub struct Pulse {
+    epochs: u64,
+    arrivals: VecDeque<Duration>,
+    last: Option<Last>,
+    verdict_alarm: Option<Duration>,
+    late_alarm: Option<Duration>,
+    clock_alarm: bool,
+}
+
+impl Pulse {
+    /// Takes an epoch in, with the phone's state as far as there is one. Returns what should be said at once.
+    pub fn epoch(
+        &mut self,
+        message: &EpochMessage,
+        state: Option<&PhoneState>,
+        moment: Moment,
+    ) -> Vec<String> {
+        let used = message.observations.iter().filter(|observation| observation.usage == Usage::Used);
+        let last = Last {
+            at: moment.now,
+            time_gps: message.time_gps,
+            satellites: used.map(|observation| observation.satellite).collect::<BTreeSet<_>>().len(),
+            sigma_m: state.and_then(horizontal_sigma_m),
+            verdict: message.raim.verdict,
+        };
+        let mut alarms = Vec::new();
+        alarms.extend(self.verdict_alarm(last.verdict, moment.now));
+        alarms.extend(self.clock_alarm(moment.wall_gps - last.time_gps, moment.now));
+        self.epochs += 1;
+        self.arrivals.push_back(moment.now);
+        self.last = Some(last);
+        alarms
+    }
+
+    fn verdict_alarm(&mut self, verdict: Verdict, now: Duration) -> Option<String> {
+        let was_unreliable = self.last.is_some_and(|last| matches!(last.verdict, Verdict::Unreliable(_)));
+        if was_unreliable || !matches!(verdict, Verdict::Unreliable(_)) || !may_alarm(self.verdict_alarm, now)
+        {
+            return None;
+        }
+        self.verdict_alarm = Some(now);
+        Some(format!("its position is {verdict}"))
+    }
+
+    fn clock_alarm(&mut self, age_s: f64, now: Duration) -> Option<String> {
+        if age_s.abs() >= RECORDING_S {
+            return None;
+        }
+        if age_s.abs() >= WRONG_CLOCK_S {
+            let side = if age_s > 0.0 { "behind" } else { "ahead of" };
+            return (!std::mem::replace(&mut self.clock_alarm, true)).then(|| {
+                format!("its epochs are {:.0} s {side} this computer's clock: one of the two is wrong, or it is a recording", age_s.abs())
+            });
+        }
+        if age_s < LATE_S || !may_alarm(self.late_alarm, now) {
+            return None;
+        }
+        self.late_alarm = Some(now);
+        Some(format!("its epochs are {age_s:.0} s late"))
+    }
+
+    /// The phone in a line: age of its last epoch, rate, satellites, horizontal standard deviation, verdict.
+    pub fn line(&mut self, name: &str, moment: Moment) -> String {
+        let Some(last) = self.last else { return format!("{name}: no epoch yet") };
+        let Moment { now, wall_gps } = moment;
+        while self.arrivals.pop_front_if(|at| now.saturating_sub(*at) >= RATE_WINDOW).is_some() {}
+        let window_s = RATE_WINDOW.min(now).as_secs_f64().max(1.0);
+        let rate_hz = self.arrivals.len() as f64 / window_s;
+        let age_s = wall_gps - last.time_gps;
+        let age = if age_s.abs() < RECORDING_S {
+            format!("{age_s:.1} s old")
+        } else {
+            format!("came {:.1} s ago", now.saturating_sub(last.at).as_secs_f64())
+        };
+        let sigma =
+            last.sigma_m.map_or_else(|| "no sigma".to_owned(), |sigma_m| format!("sigma {sigma_m:.1} m"));
+        let Last { satellites, verdict, .. } = last;
+        let epochs = self.epochs;
+        format!(
+            "{name}: {age}, {rate_hz:.1} Hz, {satellites} satellites, {sigma}, {verdict}; {epochs} epochs"
+        )
+    }
+}
+
+fn may_alarm(last: Option<Duration>, now: Duration) -> bool {
+    last.is_none_or(|last| now.saturating_sub(last) >= QUIET)
+}
+
+/// Standard deviation of a horizontal position, m: the root of the trace of its covariance.
+fn horizontal_sigma_m(state: &PhoneState) -> Option<f64> {
+    let frame = LocalFrame::at(state.position());
+    let enu = frame.covariance_ecef_to_enu(&state.covariance.fixed_view::<3, 3>(0, 0).into_owned());
+    let sigma_m = (enu[(0, 0)] + enu[(1, 1)]).sqrt();
+    sigma_m.is_finite().then_some(sigma_m)
+}
+
+#[cfg(test)]
+mod tests;

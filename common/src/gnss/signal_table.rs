@@ -1,0 +1,225 @@
+//! Which signals there are: the observation codes of every system, by the RINEX version that brought them.
+//!
+//! Every format that names signals is held against this table: RINEX 2 to 4, Compact RINEX, Bias-SINEX, GnssLogger text,
+//! challenge tables, RTCM 3 and the messages between agent and hub.
+
+use super::{Constellation, SatelliteId, SignalCode};
+
+/// An attribute that says nothing: the receiver's tracking is not known (RINEX 3.05, 5.2.17).
+const UNKNOWN_TRACKING: u8 = b' ';
+/// Codeless tracking has phase, Doppler and strength, but no pseudorange.
+const CODELESS: u8 = b'N';
+/// BeiDou-2 has the numbers up to here, BeiDou-3 those above.
+const LAST_BEIDOU_2: u8 = 18;
+
+/// Why a code is not used: no signal of the system has it.
+pub const NO_SUCH_SIGNAL: &str = "observation code that its system does not have, not used";
+/// Why a code is not used: satellites of another generation send the signal.
+pub const NOT_OF_ITS_GENERATION: &str =
+    "BeiDou signal at 1207.14 MHz of the other satellite generation, not used";
+
+/// Attributes of a band, and the RINEX version (times 100) that brought them.
+struct Row {
+    constellation: Constellation,
+    band: u8,
+    since: u16,
+    attributes: &'static [u8],
+}
+
+const fn row(constellation: Constellation, band: u8, since: u16, attributes: &'static [u8]) -> Row {
+    Row { constellation, band, since, attributes }
+}
+
+/// RINEX 3.00 to 3.05, tables 4 to 10; RINEX 4.00 to 4.02, tables 9 to 15.
+const TABLE: &[Row] = &[
+    row(Constellation::Gps, b'1', 300, b"CSLXPWYMN"),
+    row(Constellation::Gps, b'1', 401, b"R"),
+    row(Constellation::Gps, b'2', 300, b"CDSLXPWYMN"),
+    row(Constellation::Gps, b'2', 401, b"R"),
+    row(Constellation::Gps, b'5', 300, b"IQX"),
+    row(Constellation::Glonass, b'1', 300, b"CP"),
+    row(Constellation::Glonass, b'2', 300, b"CP"),
+    row(Constellation::Glonass, b'3', 301, b"IQX"),
+    row(Constellation::Glonass, b'4', 304, b"ABX"),
+    row(Constellation::Glonass, b'6', 304, b"ABX"),
+    row(Constellation::Galileo, b'1', 300, b"ABCXZ"),
+    row(Constellation::Galileo, b'5', 300, b"IQX"),
+    row(Constellation::Galileo, b'6', 300, b"ABCXZ"),
+    row(Constellation::Galileo, b'7', 300, b"IQX"),
+    row(Constellation::Galileo, b'8', 300, b"IQX"),
+    row(Constellation::Sbas, b'1', 300, b"C"),
+    row(Constellation::Sbas, b'5', 300, b"IQX"),
+    row(Constellation::Qzss, b'1', 301, b"CSLXZ"),
+    row(Constellation::Qzss, b'1', 400, b"EB"),
+    row(Constellation::Qzss, b'2', 301, b"SLX"),
+    row(Constellation::Qzss, b'5', 301, b"IQX"),
+    row(Constellation::Qzss, b'5', 304, b"DPZ"),
+    row(Constellation::Qzss, b'6', 301, b"SLX"),
+    row(Constellation::Qzss, b'6', 304, b"EZ"),
+    // B1I, named 1I, 1Q and 1X in RINEX 3.02 alone.
+    row(Constellation::Beidou, b'2', 300, b"IQX"),
+    // B1C and, as A in 3.04 and as S, L and Z since, B1A.
+    row(Constellation::Beidou, b'1', 304, b"DPXAN"),
+    row(Constellation::Beidou, b'1', 305, b"SLZ"),
+    row(Constellation::Beidou, b'5', 304, b"DPX"),
+    row(Constellation::Beidou, b'6', 300, b"IQX"),
+    row(Constellation::Beidou, b'6', 304, b"A"),
+    row(Constellation::Beidou, b'6', 305, b"DPZ"),
+    row(Constellation::Beidou, b'7', 300, BEIDOU_2_ON_BAND_7),
+    row(Constellation::Beidou, b'7', 304, BEIDOU_3_ON_BAND_7),
+    row(Constellation::Beidou, b'8', 304, b"DPX"),
+    row(Constellation::Navic, b'1', 401, b"DPX"),
+    row(Constellation::Navic, b'5', 303, b"ABCX"),
+    row(Constellation::Navic, b'9', 303, b"ABCX"),
+];
+/// B2I, of BeiDou-2.
+const BEIDOU_2_ON_BAND_7: &[u8] = b"IQX";
+/// B2b, of BeiDou-3.
+const BEIDOU_3_ON_BAND_7: &[u8] = b"DPZ";
+
+impl SignalCode {
+    /// The RINEX version (times 100) that brought a signal of a system, `None` when there is no such signal. A blank attribute
+    /// is any signal of the band.
+    pub fn since(self, constellation: Constellation) -> Option<u16> {
+        let is_it = |row: &&Row| {
+            row.constellation == constellation
+                && row.band == self.band
+                && (self.attribute == UNKNOWN_TRACKING || row.attributes.contains(&self.attribute))
+        };
+        TABLE.iter().filter(is_it).map(|row| row.since).min()
+    }
+
+    /// Whether a system has the signal; of a pair, whether it has the first signal and the second band.
+    pub fn exists(self, constellation: Constellation) -> bool {
+        let single = |band: u8, attribute: u8| Self::new(band, attribute).since(constellation).is_some();
+        match self.bands_of_pair() {
+            Some((first, second)) => single(first, self.attribute) && single(second, UNKNOWN_TRACKING),
+            None => single(self.band, self.attribute),
+        }
+    }
+
+    /// Whether a pseudorange can be measured on the signal: not by codeless tracking.
+    pub const fn has_pseudorange(self) -> bool {
+        self.attribute != CODELESS
+    }
+}
+
+impl SatelliteId {
+    /// Why a signal cannot be one of this satellite's; `None` when it can.
+    ///
+    /// Of BeiDou's two generations only what both send at 1207.14 MHz is told apart, for there the group delays differ: B2I of
+    /// BeiDou-2 and B2b of BeiDou-3 (BDS-SIS-ICD-B1I, 5.2.4.10; BDS-SIS-ICD-B2b, 4.1). Elsewhere the code alone says which signal
+    /// it is.
+    pub fn cannot_send(self, signal: SignalCode) -> Option<&'static str> {
+        if !signal.exists(self.constellation) {
+            return Some(NO_SUCH_SIGNAL);
+        }
+        let of_others = if self.is_beidou_3() { BEIDOU_2_ON_BAND_7 } else { BEIDOU_3_ON_BAND_7 };
+        let is_on_band_7 = self.constellation == Constellation::Beidou && signal.band == b'7';
+        (is_on_band_7 && of_others.contains(&signal.attribute)).then_some(NOT_OF_ITS_GENERATION)
+    }
+
+    /// Whether it is a satellite of BeiDou's third generation, by its number.
+    pub const fn is_beidou_3(self) -> bool {
+        matches!(self.constellation, Constellation::Beidou) && self.number > LAST_BEIDOU_2
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SYSTEMS: [Constellation; 7] = [
+        Constellation::Gps,
+        Constellation::Glonass,
+        Constellation::Galileo,
+        Constellation::Sbas,
+        Constellation::Qzss,
+        Constellation::Beidou,
+        Constellation::Navic,
+    ];
+
+    /// All codes that there are, by system and band, written out apart from the table.
+    const CODES: &str = "\
+        G 1C1S1L1X1P1W1Y1M1N1R 2C2D2S2L2X2P2W2Y2M2N2R 5I5Q5X
+        R 1C1P 2C2P 3I3Q3X 4A4B4X 6A6B6X
+        E 1A1B1C1X1Z 5I5Q5X 6A6B6C6X6Z 7I7Q7X 8I8Q8X
+        S 1C 5I5Q5X
+        J 1C1S1L1X1Z1E1B 2S2L2X 5I5Q5X5D5P5Z 6S6L6X6E6Z
+        C 1D1P1X1A1N1S1L1Z 2I2Q2X 5D5P5X 6I6Q6X6A6D6P6Z 7I7Q7X7D7P7Z 8D8P8X
+        I 1D1P1X 5A5B5C5X 9A9B9C9X";
+
+    #[test]
+    fn every_code_of_every_system_exists_and_no_other() {
+        let mut found = 0;
+        for system in SYSTEMS {
+            let line = CODES.lines().map(str::trim).find(|line| line.starts_with(system.letter())).unwrap();
+            let known: Vec<&[u8]> = line[2..].split(' ').flat_map(|band| band.as_bytes().chunks(2)).collect();
+            for (band, attribute) in
+                (b'0'..=b'9').flat_map(|band| (b'A'..=b'Z').map(move |letter| (band, letter)))
+            {
+                let is_known = known.contains(&[band, attribute].as_slice());
+                let signal = SignalCode::new(band, attribute);
+                assert_eq!(signal.exists(system), is_known, "{system:?} {signal}");
+                found += usize::from(is_known);
+            }
+            for band in b'0'..=b'9' {
+                let is_known = known.iter().any(|code| code[0] == band);
+                let blank = SignalCode::new(band, b' ');
+                assert_eq!(blank.exists(system), is_known, "{system:?} {blank}");
+                // What exists has a frequency, and what has a frequency exists.
+                assert_eq!(blank.frequency_hz(system, Some(0)).is_some(), is_known, "{system:?} {blank}");
+            }
+        }
+        assert_eq!(found, CODES.bytes().filter(u8::is_ascii_digit).count());
+    }
+
+    #[test]
+    fn the_version_that_brought_a_code_is_known() {
+        for (system, code, since) in [
+            (Constellation::Gps, b"1C", Some(300)),
+            (Constellation::Beidou, b"2I", Some(300)),
+            (Constellation::Beidou, b"1X", Some(304)),
+            (Constellation::Beidou, b"1S", Some(305)),
+            (Constellation::Beidou, b"7 ", Some(300)),
+            (Constellation::Navic, b"1P", Some(401)),
+            (Constellation::Beidou, b"1C", None),
+        ] {
+            assert_eq!(SignalCode::new(code[0], code[1]).since(system), since, "{system:?}");
+        }
+    }
+
+    #[test]
+    fn beidous_generations_differ_on_their_common_frequency() {
+        let why = |satellite: &str, code: &[u8; 2]| {
+            satellite.parse::<SatelliteId>().unwrap().cannot_send(SignalCode::new(code[0], code[1]))
+        };
+        for (code, of_2, of_3) in [
+            (b"7I", None, Some(NOT_OF_ITS_GENERATION)),
+            (b"7Q", None, Some(NOT_OF_ITS_GENERATION)),
+            (b"7X", None, Some(NOT_OF_ITS_GENERATION)),
+            (b"7D", Some(NOT_OF_ITS_GENERATION), None),
+            (b"7P", Some(NOT_OF_ITS_GENERATION), None),
+            (b"7Z", Some(NOT_OF_ITS_GENERATION), None),
+            (b"7 ", None, None),
+            (b"2I", None, None),
+            (b"5P", None, None),
+            (b"1C", Some(NO_SUCH_SIGNAL), Some(NO_SUCH_SIGNAL)),
+        ] {
+            assert_eq!((why("C18", code), why("C19", code)), (of_2, of_3), "{}", code.escape_ascii());
+            assert_eq!((why("C01", code), why("C62", code)), (of_2, of_3), "{}", code.escape_ascii());
+        }
+        assert_eq!(why("E30", b"7Q"), None);
+    }
+
+    #[test]
+    fn pairs_are_of_signals_that_exist() {
+        let pair = |first: &[u8; 2], second: &[u8; 2]| {
+            SignalCode::pair(SignalCode::new(first[0], first[1]), SignalCode::new(second[0], second[1]))
+        };
+        assert!(pair(b"1C", b"5Q").unwrap().exists(Constellation::Gps));
+        assert!(pair(b"1 ", b"5Q").unwrap().exists(Constellation::Gps));
+        assert!(!pair(b"1I", b"5Q").unwrap().exists(Constellation::Gps));
+        assert!(!pair(b"1C", b"7Q").unwrap().exists(Constellation::Gps));
+    }
+}

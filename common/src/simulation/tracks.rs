@@ -1,0 +1,83 @@
+//! The random processes of one satellite at one phone, and of one satellite at one vehicle.
+//!
+//! Each has a random stream of its own and draws equally often whatever happens, so that what blocks one satellite changes
+//! nothing for the others.
+
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+
+use super::environment::{ErrorModel, GaussMarkov, Outlier};
+
+/// Correlation time of the shadowing, s.
+const SHADOWING_CORRELATION_S: f64 = 5.0;
+
+/// One satellite at one phone.
+pub(super) struct Track {
+    random: ChaCha8Rng,
+    shadowing: GaussMarkov,
+    multipath: [GaussMarkov; 2],
+    phase: GaussMarkov,
+    outlier: Outlier,
+}
+
+/// What the processes of a satellite give at one epoch. Of unit variance, except for the outlier.
+pub(super) struct Draws {
+    pub shadowing: f64,
+    /// By band, as are the others.
+    pub multipath: [f64; 2],
+    /// Of a reflected signal.
+    pub phase: f64,
+    pub outlier_m: f64,
+    pub code_noise: [f64; 2],
+    pub rate_noise: [f64; 2],
+}
+
+impl Track {
+    pub(super) fn start(mut random: ChaCha8Rng) -> Self {
+        let mut start = || GaussMarkov::start(&mut random);
+        let (shadowing, multipath, phase) = (start(), [start(), start()], start());
+        Self { random, shadowing, multipath, phase, outlier: Outlier::default() }
+    }
+
+    pub(super) fn advance(&mut self, step_s: f64, errors: &ErrorModel) -> Draws {
+        let random = &mut self.random;
+        let correlation_s = errors.multipath_correlation_s;
+        let mut normal = |_| random.sample::<f64, _>(StandardNormal);
+        let (code_noise, rate_noise) = ([0, 1].map(&mut normal), [0, 1].map(&mut normal));
+        Draws {
+            shadowing: self.shadowing.advance(step_s, SHADOWING_CORRELATION_S, random),
+            multipath: advance(&mut self.multipath, step_s, correlation_s, random),
+            phase: self.phase.advance(step_s, correlation_s, random),
+            outlier_m: self.outlier.advance(step_s, errors.outliers_hz, random),
+            code_noise,
+            rate_noise,
+        }
+    }
+}
+
+/// One satellite at one vehicle: the multipath that its phones share, on the scenario's grid of time.
+pub(super) struct SharedTrack {
+    random: ChaCha8Rng,
+    multipath: [GaussMarkov; 2],
+}
+
+impl SharedTrack {
+    pub(super) fn start(mut random: ChaCha8Rng) -> Self {
+        let multipath = [GaussMarkov::start(&mut random), GaussMarkov::start(&mut random)];
+        Self { random, multipath }
+    }
+
+    pub(super) fn advance(&mut self, step_s: f64, errors: &ErrorModel) -> [f64; 2] {
+        advance(&mut self.multipath, step_s, errors.multipath_correlation_s, &mut self.random)
+    }
+}
+
+fn advance(
+    processes: &mut [GaussMarkov; 2],
+    step_s: f64,
+    correlation_s: f64,
+    random: &mut ChaCha8Rng,
+) -> [f64; 2] {
+    processes.each_mut().map(|process| process.advance(step_s, correlation_s, random))
+}
