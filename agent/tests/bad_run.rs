@@ -76,7 +76,7 @@ fn the_command_line_names_what_was_skipped() {
             String::from_utf8([output.stdout, output.stderr].concat()).unwrap()
         };
         let inspected = output(&["inspect", "spoiled"]);
-        let converted = output(&["convert", "spoiled", "--observations", "out.rnx"]);
+        let converted = output(&["convert", "spoiled", "--output-observations", "out.rnx", "--overwrite"]);
         assert!(converted.contains("wrote 10 epochs"), "{}: {converted}", recording.name);
         for (said, reason) in [&inspected, &converted].into_iter().flat_map(|said| due.map(|due| (said, due)))
         {

@@ -187,7 +187,8 @@ fn orbits() -> Vec<Orbit> {
     let kepler = [Gps, Galileo, Beidou]
         .into_iter()
         .flat_map(|constellation| (1..=30).map(move |number| (constellation, number)))
-        .filter(|(constellation, number)| *constellation != Beidou || *number > 5)
+        // Of BeiDou those of the second generation, which have B2I, without the geostationary ones.
+        .filter(|(constellation, number)| *constellation != Beidou || (6..=18).contains(number))
         .map(|(constellation, number)| Orbit::Kepler(kepler(constellation, number)));
     kepler.chain((1..=24).map(|number| Orbit::Glonass(glonass(number)))).collect()
 }

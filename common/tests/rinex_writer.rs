@@ -212,11 +212,12 @@ fn glonass_comes_back_exactly() {
     assert!(text.contains("R07 2017 01 01 00 00 00"), "{text}");
     let again = NavigationFile::parse(text.as_bytes()).unwrap();
     assert_eq!(again.glonass, [unknown, plain, after]);
-    // A header's leap seconds hold for the whole file; with those of the next year, this message's time is none of GLONASS.
-    assert_eq!(glonass_record(&plain, Some(18)), None);
-    let text = navigation_header("", &IonosphereTerms::default(), Some(18))
-        + &glonass_record(&after, Some(18)).unwrap();
-    assert_eq!(NavigationFile::parse(text.as_bytes()).unwrap().glonass, [after]);
+    // The date tells the leap seconds of each message, whatever the header says.
+    let mut text = navigation_header("", &IonosphereTerms::default(), Some(18));
+    for ephemeris in [&plain, &after] {
+        text += &glonass_record(ephemeris, Some(18)).unwrap();
+    }
+    assert_eq!(NavigationFile::parse(text.as_bytes()).unwrap().glonass, [plain, after]);
 }
 
 /// A number of thousandths that is not zero.
