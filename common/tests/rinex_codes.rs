@@ -7,7 +7,7 @@ mod hatanaka_encoder;
 
 use std::fmt::Write as _;
 
-use cofix_common::gnss::{NO_SUCH_SIGNAL, NOT_OF_ITS_GENERATION};
+use cofix_common::gnss::{Misnamed, NO_SUCH_SIGNAL, NOT_OF_ITS_GENERATION};
 use cofix_common::rinex::ObservationFile;
 use hatanaka_encoder::encode;
 
@@ -89,6 +89,15 @@ fn what_cannot_be_is_refused_or_taken_for_what_it_is_and_named() {
             assert!(reason.is_empty() || read.skips.count(reason) == count, "{types}: {}", read.skips);
         }
     }
+}
+
+/// B2a written as 7Q (some phones' loggers): what an epoch gives to BeiDou-3 under a code of BeiDou-2 is that code of no satellite.
+#[test]
+fn a_code_of_the_other_generation_is_used_of_no_satellite_of_the_epoch() {
+    let (observed, parsed) = read(&file("3.04", &["C    2 C2I C7Q"], &["C05", "C18", "C24"]));
+    assert_eq!(observed, ["C05 2I", "C18 2I", "C24 2I"]);
+    assert_eq!(parsed.skips.count(NOT_OF_ITS_GENERATION), 2, "{}", parsed.skips);
+    assert_eq!(parsed.skips.count(Misnamed::REASON), 4, "{}", parsed.skips);
 }
 
 #[test]

@@ -17,8 +17,8 @@
 //! used even so.
 //!
 //! **Absurd times.** One message with a wrong date must not turn all later ones into steps backwards. A phone's first message, and one
-//! that is far from the one before it, is held back until the phone's next message follows closely, and is dropped
-//! when that does not. Live, the first is believed at once when it is of the time of another phone.
+//! that is far from the one before it, is held back until the phone's next message follows closely, or is one more of regular steps
+//! (three epochs two hours apart), and is dropped when that does not. Live, the first is believed at once when it is of the time of another phone.
 //!
 //! **Live.** Phones come late, lag, fall silent, or send epochs of another time. With W = [`AlignOptions::maximum_wait`] and
 //! [`Aligner::go_on`] called often:
@@ -72,7 +72,7 @@ pub struct AlignOptions {
     pub tolerance_s: f64,
     /// Messages this close count as simultaneous, s. Two messages of one phone must be further apart.
     pub simultaneous_s: f64,
-    /// A message further ahead of the phone's previous one must be confirmed by the next, s.
+    /// A message further ahead of the phone's previous one must be confirmed by the next, s, unless the steps are regular.
     pub maximum_step_s: f64,
     /// Live: so long a message waits for other phones, from its arrival on.
     pub maximum_wait: Duration,
@@ -170,7 +170,9 @@ impl Aligner {
             Place::Follows => self.accept(phone, waiting),
             Place::Unknown if vouched => self.join(phone, waiting),
             Place::Confirms(confirmed) => {
-                self.join(phone, *confirmed);
+                for held in confirmed {
+                    self.join(phone, held);
+                }
                 self.accept(phone, waiting);
             }
             Place::Unknown => {
@@ -187,11 +189,11 @@ impl Aligner {
     /// The phone will deliver nothing more; what it has delivered still counts.
     pub fn finish(&mut self, phone: usize) {
         let Some(track) = self.tracks.get_mut(phone) else { return };
-        // The only message of a phone has nothing to contradict it.
-        let only = (track.latest.is_none() && !track.held.is_empty()).then(|| track.held.remove(0));
+        // The only messages of a phone have nothing to contradict them.
+        let only = if track.latest.is_none() { std::mem::take(&mut track.held) } else { Vec::new() };
         track.drop_held();
-        if let Some(only) = only {
-            self.accept(phone, only);
+        for held in only {
+            self.accept(phone, held);
         }
         if let Some(track) = self.tracks.get_mut(phone) {
             track.presence = Presence::Finished;

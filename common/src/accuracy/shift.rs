@@ -20,9 +20,9 @@ const SCALES_S: [f64; 4] = [0.0, 18.0, -18.0, 14.0];
 const FINE_STEP_S: f64 = 0.05;
 /// A shift counts when it leaves less than this part of the median distance, …
 const BETTER: f64 = 0.6;
-/// … takes at least this much from it, m, …
+/// … takes at least this much from it, m, where it had one, …
 const LEAST_GAIN_M: f64 = 0.5;
-/// … or, of a truth that did not overlap, leaves less than this, m.
+/// … and leaves less than this, m: positions that are wrong by kilometres fit nowhere.
 const FITS_M: f64 = 30.0;
 
 /// A shift of a truth's times that makes it fit.
@@ -46,9 +46,9 @@ pub fn time_shift(truth: &Truth, qualities: &[u8], solutions: &[Solution]) -> Op
     let coarse = best(candidates().into_iter().filter_map(|s| Some((s, search.median_m(s)?))))?;
     let steps = |from: i32| (from..=-from).map(|i| coarse.0 + f64::from(i) * FINE_STEP_S);
     let (shift_s, shifted_median_m) = best(steps(-20).filter_map(|s| Some((s, search.median_m(s)?))))?;
-    let is_better = median_m.map_or(shifted_median_m < FITS_M, |as_is_m| {
-        shifted_median_m < BETTER * as_is_m && as_is_m - shifted_median_m > LEAST_GAIN_M
-    });
+    let gains =
+        |as_is_m: f64| shifted_median_m < BETTER * as_is_m && as_is_m - shifted_median_m > LEAST_GAIN_M;
+    let is_better = shifted_median_m < FITS_M && median_m.is_none_or(gains);
     // A rounding of the search's own steps.
     let shift_s = (shift_s * 1e3).round() * 1e-3;
     (is_better && shift_s != 0.0).then_some(TimeShift { shift_s, median_m, shifted_median_m })

@@ -3,6 +3,7 @@
 mod constellation;
 mod event;
 mod limits;
+mod misnamed;
 mod observation;
 mod signal;
 mod signal_table;
@@ -10,6 +11,7 @@ mod signal_table;
 pub use constellation::{Constellation, SatelliteId, SatelliteIdError};
 pub use event::{CycleSlip, Event, EventKind};
 pub(crate) use limits::{CN0_BOUNDS_DBHZ, DOPPLER_TOO_LARGE, MAX_DOPPLER_HZ, PSEUDORANGE_BOUNDS_M};
+pub use misnamed::Misnamed;
 pub use observation::{EpochFlag, LossOfLock, Observation, ObservationEpoch};
 pub use signal::{ClockGroup, SignalCode};
 pub use signal_table::{NO_SUCH_SIGNAL, NOT_OF_ITS_GENERATION};

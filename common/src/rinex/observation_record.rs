@@ -7,8 +7,8 @@ use super::meaning::{Meaning, Remark, meaning};
 use super::types::ObservationKind;
 use super::{columns, shorten};
 use crate::gnss::{
-    CN0_BOUNDS_DBHZ, DOPPLER_TOO_LARGE, LossOfLock, MAX_DOPPLER_HZ, Observation, PSEUDORANGE_BOUNDS_M,
-    SatelliteId, SignalCode,
+    CN0_BOUNDS_DBHZ, DOPPLER_TOO_LARGE, LossOfLock, MAX_DOPPLER_HZ, Misnamed, Observation,
+    PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode,
 };
 use crate::skips::Skips;
 
@@ -47,15 +47,18 @@ pub(super) struct Layouts {
     taken: Vec<(&'static str, String)>,
 }
 
-/// Satellites already seen in an epoch.
+/// What was seen of an epoch so far.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Seen([u128; SYSTEMS]);
+pub(super) struct Seen {
+    satellites: [u128; SYSTEMS],
+    pub(super) misnamed: Misnamed,
+}
 
 impl Seen {
     /// Marks a satellite; false when it was marked before.
     fn mark(&mut self, satellite: SatelliteId) -> bool {
         let bit = 1_u128 << (satellite.number & 127);
-        let Some(marks) = self.0.get_mut(satellite.constellation as usize) else { return false };
+        let Some(marks) = self.satellites.get_mut(satellite.constellation as usize) else { return false };
         let fresh = *marks & bit == 0;
         *marks |= bit;
         fresh
@@ -161,7 +164,7 @@ impl Layouts {
         }
         let base = observations.len();
         observations.extend(layout.signals.iter().map(|signal| empty(satellite, signal.code)));
-        let mut record = Record { number, satellite, skips };
+        let mut record = Record { number, satellite, skips, misnamed: &mut seen.misnamed };
         if let Some(slots) = observations.get_mut(base..) {
             record.fill(layout, values, slots);
         }
@@ -191,6 +194,7 @@ struct Record<'a> {
     number: u64,
     satellite: SatelliteId,
     skips: &'a mut Skips,
+    misnamed: &'a mut Misnamed,
 }
 
 impl Record<'_> {
@@ -263,6 +267,7 @@ impl Record<'_> {
             if let Some(reason) = signal.refused {
                 let (number, satellite) = (self.number, self.satellite);
                 self.skips.add(reason, || format!("line {number}: {satellite} {}", signal.code));
+                self.misnamed.note(satellite, signal.code);
                 continue;
             }
             observations.swap(kept, index);

@@ -4,7 +4,7 @@ use super::epoch_2::Listed;
 use super::observation_record::{Layouts, Seen};
 use super::{columns, epoch_2, epoch_3};
 use crate::decode::Record;
-use crate::gnss::{CycleSlip, EpochFlag, Event, EventKind, Observation, ObservationEpoch};
+use crate::gnss::{CycleSlip, EpochFlag, Event, EventKind, Misnamed, Observation, ObservationEpoch};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
@@ -79,7 +79,12 @@ impl PendingEpoch {
     pub(super) fn done(self, skips: &mut Skips) -> Record {
         let time_gps = match self.content {
             Content::Observations(time_gps, flag) => {
-                let observations = self.observations;
+                let mut observations = self.observations;
+                self.seen.misnamed.leave_out(&mut observations, |o| {
+                    skips.add(Misnamed::REASON, || {
+                        format!("line {}: {} {}", self.line, o.satellite, o.signal)
+                    });
+                });
                 return Record::Epoch(ObservationEpoch { time_gps, flag, observations });
             }
             Content::Slips(time_gps) => time_gps,

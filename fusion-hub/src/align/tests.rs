@@ -126,6 +126,21 @@ fn a_long_pause_is_believed_when_it_goes_on() {
     assert_eq!(buckets(&[&[7.0]]), [[Some(7.0)]], "a single epoch is believed");
 }
 
+/// Every two hours, two of them, and with one absurd time among them: nothing else is lost.
+#[test]
+fn long_regular_steps_are_believed() {
+    let hours = |hours: &[f64]| hours.iter().map(|hour| 3_600.0 * hour).collect::<Vec<_>>();
+    for (series, lost) in [
+        (hours(&[0.0, 2.0, 4.0, 6.0, 8.0, 10.0]), 0),
+        (hours(&[0.0, 2.0]), 0),
+        (hours(&[0.0, 2.0, 4.5, 7.0, 9.0]), 0),
+        (hours(&[0.0, 2.0, 4.0, 800.0, 6.0, 8.0]), 1),
+    ] {
+        let fused = buckets(&[&series]);
+        assert_eq!(fused.len(), series.len() - lost, "{series:?}: {fused:?}");
+    }
+}
+
 #[test]
 fn duplicates_and_disorder_are_counted_and_named() {
     let mut aligner = Aligner::new(1, AlignOptions::default());

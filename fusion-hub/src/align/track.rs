@@ -12,6 +12,8 @@ use super::AlignOptions;
 
 /// Most messages of a phone held back for confirmation.
 const MAXIMUM_HELD: usize = 4;
+/// Steps between a phone's epochs that differ by no more than this factor are regular: a recording of one epoch every two hours.
+const REGULAR: f64 = 1.5;
 /// Places of a phone's epochs in time that are remembered, for one [`AlignOptions::maximum_wait`].
 const MARKS: u32 = 16;
 /// Why a message is dropped that comes after its time was given out.
@@ -44,8 +46,8 @@ pub(super) struct Waiting {
 pub(super) enum Place {
     /// It goes on where the phone was.
     Follows,
-    /// It follows one that was held back, which is believed now.
-    Confirms(Box<Waiting>),
+    /// It follows some that were held back, in order of time, which are believed now.
+    Confirms(Vec<Waiting>),
     /// It is far from everything else.
     Unknown,
 }
@@ -67,6 +69,8 @@ pub(super) struct Track {
     pub(super) presence: Presence,
     /// Time of the last message that was believed.
     pub(super) latest: Option<GpsTime>,
+    /// The step to it from the one before, s.
+    step_s: Option<f64>,
     /// When the last message came that could be fused.
     pub(super) progress: Option<Duration>,
     /// When the last message came that was believed, and its time; also of one that came too late.
@@ -101,9 +105,10 @@ impl Track {
         let (time, now) = (waiting.message.time_gps, waiting.arrived);
         self.heard = Some(now);
         let wait_s = options.maximum_wait.as_secs_f64();
+        let most_s = self.step_s.map_or(0.0, |step_s| REGULAR * step_s).max(options.maximum_step_s);
         let follows = |latest: GpsTime| {
             let step_s = time - latest;
-            step_s <= options.maximum_step_s && !(live && step_s < -wait_s)
+            step_s <= most_s && !(live && step_s < -wait_s)
         };
         if self.latest.is_some_and(follows) {
             return Place::Follows;
@@ -113,16 +118,40 @@ impl Track {
         if goes_back && goes_on {
             return Place::Unknown;
         }
+        let confirmed = self.confirmed_by(time, options);
+        let Some(first) = confirmed.first().map(|first| first.message.time_gps) else {
+            return Place::Unknown;
+        };
+        if goes_back {
+            self.go_back_to(first);
+        }
+        Place::Confirms(confirmed)
+    }
+
+    /// Takes out what was held back and is believed by a message of `time`: the one that it follows closely, or those to
+    /// which it is a further regular step.
+    fn confirmed_by(&mut self, time: GpsTime, options: &AlignOptions) -> Vec<Waiting> {
         let near = |held: &Waiting| {
             let step_s = time - held.message.time_gps;
             step_s > 0.0 && step_s <= options.maximum_step_s
         };
-        let Some(position) = self.held.iter().position(near) else { return Place::Unknown };
-        let confirmed = self.held.remove(position);
-        if goes_back {
-            self.go_back_to(confirmed.message.time_gps);
+        if let Some(position) = self.held.iter().position(near) {
+            return vec![self.held.remove(position)];
         }
-        Place::Confirms(Box::new(confirmed))
+        let Some(last) = self.held.last().map(|last| last.message.time_gps) else { return Vec::new() };
+        let before = self.held.len().checked_sub(2).and_then(|position| self.held.get(position));
+        let before = before.map(|before| before.message.time_gps);
+        let is_regular = |from: GpsTime| {
+            let (first_s, second_s) = (last - from, time - last);
+            first_s > 0.0 && second_s > 0.0 && second_s <= REGULAR * first_s && first_s <= REGULAR * second_s
+        };
+        if self.latest.is_some_and(is_regular) {
+            return self.held.pop().into_iter().collect();
+        }
+        match before.filter(|before| is_regular(*before)) {
+            Some(_) => self.held.split_off(self.held.len() - 2),
+            None => Vec::new(),
+        }
     }
 
     /// What waits of a later time than the phone is at now is not of it any more.
@@ -148,6 +177,7 @@ impl Track {
             return Accepted::Refused;
         }
         let latest = self.latest.replace(time);
+        self.step_s = latest.map(|latest| time - latest);
         self.spoken = Some((now, time));
         self.mark(now, time, options.maximum_wait);
         let is_doubtful = matches!(waiting.message.raim.verdict, Verdict::Unreliable(_));

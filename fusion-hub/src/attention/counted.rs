@@ -75,7 +75,7 @@ const SHARES: [Share; 5] = [
     },
 ];
 
-const ANY: [Any; 18] = [
+const ANY: [Any; 20] = [
     Any {
         reason: "two agents of one name at a time",
         severity: Severity::Wrong,
@@ -143,10 +143,22 @@ const ANY: [Any; 18] = [
         advice: "They came after their time was fused: a longer --latency waits for them",
     },
     Any {
-        reason: "phone far behind the others: not waited for",
+        reason: "phone behind the others: not waited for",
         severity: Severity::Worse,
         kind: "epochs-too-late",
-        advice: "Check the clock of the phone's recording, and its link",
+        advice: "Check the phone's link and clock; a longer --latency waits for it",
+    },
+    Any {
+        reason: "phone ahead of the others: held back",
+        severity: Severity::Worse,
+        kind: "phone-ahead",
+        advice: "Check the phone's clock: its epochs are fused only when the group has come so far",
+    },
+    Any {
+        reason: "epoch far from its neighbours",
+        severity: Severity::Worse,
+        kind: "epochs-lost",
+        advice: "Their times are far from those before and after: check the recording's dates",
     },
     Any {
         reason: "message unreadable",

@@ -13,6 +13,8 @@ const LEAST_RATES: f64 = 0.5;
 const MOST_UNSOLVED: f64 = 0.05;
 /// Of a phone's epochs, not called reliable.
 const MOST_UNRELIABLE: f64 = 0.25;
+/// Beyond it the positions are not worth trusting.
+const HARDLY_RELIABLE: f64 = 0.9;
 /// Mean number of satellites.
 const FEWEST_SATELLITES: f64 = 7.0;
 
@@ -126,14 +128,19 @@ fn without_rates(report: &Report) -> Option<Finding> {
 }
 
 fn unreliable(report: &Report) -> Option<Finding> {
+    let part = |phone: &PhoneReport| {
+        let bad = phone.epochs - Verdicts::of(phone).reliable.min(phone.epochs);
+        (bad, ratio(bad, phone.epochs))
+    };
+    let is_worst = report.phones.values().any(|phone| part(phone).1 > HARDLY_RELIABLE);
     let finding = Several {
-        severity: Severity::Worse,
+        severity: if is_worst { Severity::Wrong } else { Severity::Worse },
         kind: "not-reliable",
         text: "epochs that RAIM does not call reliable",
         advice: "The report has the verdicts by cause; the recording shows when",
     };
     on(report, finding, |phone| {
-        let bad = phone.epochs - Verdicts::of(phone).reliable.min(phone.epochs);
-        (ratio(bad, phone.epochs) > MOST_UNRELIABLE).then(|| percent(bad, phone.epochs))
+        let (bad, share) = part(phone);
+        (share > MOST_UNRELIABLE).then(|| percent(bad, phone.epochs))
     })
 }

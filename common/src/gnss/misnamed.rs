@@ -1,0 +1,50 @@
+//! Codes of one BeiDou generation that a recording gives to the other one too.
+
+use super::{Observation, SatelliteId, SignalCode};
+
+/// Attributes of B2I at 1207.14 MHz that an epoch gives to satellites of BeiDou-3, which do not send it.
+///
+/// Who wrote the epoch calls another signal so (B2a or B2b), and what it calls so of BeiDou-2 may be that signal as well: metres
+/// of group delay and ionosphere. So the code is not used of any satellite of that epoch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Misnamed {
+    /// A bit for each letter.
+    attributes: u32,
+}
+
+impl Misnamed {
+    /// Why observations are left out by [`Misnamed::leave_out`].
+    pub const REASON: &'static str =
+        "BeiDou signal at 1207.14 MHz, which the epoch names of the other satellite generation too, not used";
+
+    /// Notes a signal of an epoch.
+    pub fn note(&mut self, satellite: SatelliteId, signal: SignalCode) {
+        if satellite.is_beidou_3() && signal.band == b'7' && satellite.cannot_send(signal).is_some() {
+            self.attributes |= bit(signal.attribute);
+        }
+    }
+
+    /// Takes out of an epoch's observations what was noted, and tells each to `count`.
+    pub fn leave_out(self, observations: &mut Vec<Observation>, mut count: impl FnMut(&Observation)) {
+        if self.attributes == 0 {
+            return;
+        }
+        observations.retain(|observation| {
+            let (satellite, signal) = (observation.satellite, observation.signal);
+            let third = SatelliteId::new(satellite.constellation, u8::MAX);
+            let is_noted = third.is_beidou_3() && signal.band == b'7' && self.has(signal.attribute);
+            if is_noted {
+                count(observation);
+            }
+            !is_noted
+        });
+    }
+
+    const fn has(self, attribute: u8) -> bool {
+        self.attributes & bit(attribute) != 0
+    }
+}
+
+const fn bit(attribute: u8) -> u32 {
+    if attribute.is_ascii_uppercase() { 1 << (attribute - b'A') } else { 0 }
+}
