@@ -187,8 +187,7 @@ fn orbits() -> Vec<Orbit> {
     let kepler = [Gps, Galileo, Beidou]
         .into_iter()
         .flat_map(|constellation| (1..=30).map(move |number| (constellation, number)))
-        // Of BeiDou those of the second generation, which have B2I, without the geostationary ones.
-        .filter(|(constellation, number)| *constellation != Beidou || (6..=18).contains(number))
+        .filter(|(constellation, number)| *constellation != Beidou || *number > 5)
         .map(|(constellation, number)| Orbit::Kepler(kepler(constellation, number)));
     kepler.chain((1..=24).map(|number| Orbit::Glonass(glonass(number)))).collect()
 }
@@ -461,9 +460,9 @@ fn check(
     }
 }
 
-/// Products by name, and groups whose group delay they do not tell.
+/// Products by name, and groups whose group delay they do not tell. Messages tell that of B2I, which BeiDou-3 does not send.
 fn combinations() -> Vec<(&'static str, Products, &'static [&'static str])> {
-    let unknown: &[&str] = &["G5", "C5"];
+    let unknown: &[&str] = &["G5", "C5", "C7"];
     let precise = || Products::new(vec![sp3()], vec![navigation()]);
     let mut with_clocks = Products::new(vec![sp3_without_clocks()], vec![navigation()]);
     with_clocks.add_clocks(vec![clock_file()]);
@@ -610,7 +609,7 @@ fn differential_corrections_close_when_galileo_changes_to_another_message() {
     let products = Arc::new(Products::new(Vec::new(), vec![file]));
     let later = Receiver { tag: week_start() + 10.03, ..rover() };
     for (ionosphere, groups, unknown) in
-        [(Ionosphere::Model, 12, &["G5", "C5"] as &[_]), (Ionosphere::PairOnly, 4, &["G1+5", "C2+5"])]
+        [(Ionosphere::Model, 12, &["G5", "C5", "C7"] as &[_]), (Ionosphere::PairOnly, 4, &["G1+5", "C2+5"])]
     {
         let options = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
         for receiver in [rover(), later] {

@@ -35,6 +35,8 @@ struct Signal {
 /// Columns of the satellites of one system (and generation), settled once per header.
 #[derive(Clone, Debug, Default)]
 struct Layout {
+    /// Whether codes name signals, as they do since RINEX 3, and not bands.
+    names_signals: bool,
     signals: Vec<Signal>,
     columns: Vec<Column>,
 }
@@ -68,7 +70,7 @@ impl Seen {
 impl Layout {
     /// For satellites like `satellite`.
     fn new(types: &[ObservationType], satellite: SatelliteId, version: u16) -> Self {
-        let mut layout = Self::default();
+        let mut layout = Self { names_signals: version >= 300, ..Self::default() };
         for observed in types {
             let Meaning { signal: code, remark } = meaning(observed, satellite.constellation, version, types);
             let refused = match remark {
@@ -267,7 +269,9 @@ impl Record<'_> {
             if let Some(reason) = signal.refused {
                 let (number, satellite) = (self.number, self.satellite);
                 self.skips.add(reason, || format!("line {number}: {satellite} {}", signal.code));
-                self.misnamed.note(satellite, signal.code);
+                if layout.names_signals {
+                    self.misnamed.note(satellite, signal.code);
+                }
                 continue;
             }
             observations.swap(kept, index);

@@ -191,7 +191,7 @@ const ANY: [Any; 20] = [
         advice: "A navigation file of the same days has newer ones",
     },
     Any {
-        reason: "source brought no epoch of a base",
+        reason: "source brought neither an ephemeris nor an epoch of a base",
         severity: Severity::Worse,
         kind: "no-base",
         advice: "Nothing is corrected by that source: check that it is of the same time and has observations",

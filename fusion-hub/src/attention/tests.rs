@@ -195,9 +195,15 @@ fn each_fault_is_found_by_itself() {
             of_a(r).verdicts = [("reliable".to_owned(), 40), ("unreliable: geometry".to_owned(), 60)].into();
         }),
         ("no-orbits", Severity::Wrong, "a 60 %", |r| of_a(r).skips = skips("no satellite state", 3_000)),
-        ("no-base", Severity::Worse, "1 × source brought no epoch of a base (first: the first)", |r| {
-            of_a(r).skips = skips("corrections: source brought no epoch of a base", 1);
-        }),
+        (
+            "no-base",
+            Severity::Worse,
+            "1 × source brought neither an ephemeris nor an epoch of a base (first: the first)",
+            |r| {
+                of_a(r).skips =
+                    skips("corrections: source brought neither an ephemeris nor an epoch of a base", 1);
+            },
+        ),
     ];
     for (kind, severity, text, change) in table {
         let finding = after(change);
