@@ -2,6 +2,7 @@
 
 mod constraints;
 mod inputs;
+mod presence;
 mod settings;
 mod table;
 mod tally;
@@ -90,7 +91,7 @@ impl Default for Program {
 pub struct PhoneReport {
     /// Epochs fused.
     pub epochs: u64,
-    /// Epochs fused / epochs of the group.
+    /// Time that its epochs cover / time of the group.
     pub share_of_group: Option<f64>,
     /// Epochs without any usable observation.
     pub empty_epochs: u64,

@@ -68,7 +68,7 @@ fn late(report: &Report) -> Option<Finding> {
     on(report, finding, |phone| {
         let share = phone.share_of_group.filter(|share| *share < LEAST_SHARE)?;
         let (first, last) = phone.first_gps.as_ref().zip(phone.last_gps.as_ref())?;
-        Some(format!("{:.0} % of the epochs, {first} to {last} GPS", share * 100.0))
+        Some(format!("{:.0} % of the time, {first} to {last} GPS", share * 100.0))
     })
 }
 

@@ -182,7 +182,7 @@ fn each_fault_is_found_by_itself() {
             let phone = of_a(r);
             (phone.epochs, phone.share_of_group, phone.observations) = (0, Some(0.0), 0);
         }),
-        ("phone-part-of-the-time", Severity::Worse, "a 40 % of the epochs", |r| {
+        ("phone-part-of-the-time", Severity::Worse, "a 40 % of the time", |r| {
             of_a(r).share_of_group = Some(0.4);
         }),
         ("phones-apart-in-time", Severity::Worse, "at 2.0 % of the epochs (2 of 100)", |r| {

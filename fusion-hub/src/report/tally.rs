@@ -12,6 +12,7 @@ use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
 
 use super::constraints::ConstraintTally;
+use super::presence::Presence;
 use super::{ConstraintReport, PhoneReport, SameObservations};
 use crate::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
 
@@ -37,6 +38,7 @@ pub struct Tally {
 struct PhoneTally {
     report: PhoneReport,
     span: Option<(GpsTime, GpsTime)>,
+    presence: Presence,
     satellites: u64,
     horizontal_sigma_m: Quantiles,
     vertical_sigma_m: Quantiles,
@@ -114,7 +116,7 @@ impl Tally {
     /// The phones' reports, with what was skipped of each.
     pub fn phones(&self, skips: impl Fn(usize) -> Skips) -> BTreeMap<String, PhoneReport> {
         let entry = |(index, (name, tally)): (usize, (&String, &PhoneTally))| {
-            (name.clone(), tally.report(self.epochs, skips(index)))
+            (name.clone(), tally.report(self.span, skips(index)))
         };
         self.names.iter().zip(&self.phones).enumerate().map(entry).collect()
     }
@@ -153,13 +155,14 @@ impl PhoneTally {
         *report.verdicts.entry(message.raim.verdict.to_string()).or_default() += 1;
         self.satellites += satellites_used(message) as u64;
         self.span = Some(extended(self.span, message.time_gps));
+        self.presence.push(message.time_gps);
     }
 
-    fn report(&self, group_epochs: u64, skips: Skips) -> PhoneReport {
+    fn report(&self, group: Option<(GpsTime, GpsTime)>, skips: Skips) -> PhoneReport {
         let counted = self.report.clone();
         let epochs = counted.epochs;
         PhoneReport {
-            share_of_group: (group_epochs > 0).then(|| epochs as f64 / group_epochs as f64),
+            share_of_group: self.presence.share(group),
             first_gps: self.span.map(|(first, _)| first.iso()),
             last_gps: self.span.map(|(_, last)| last.iso()),
             mean_satellites: (epochs > 0).then(|| self.satellites as f64 / epochs as f64),
