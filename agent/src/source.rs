@@ -198,7 +198,7 @@ pub(crate) fn with_hint(reason: String, hint: Option<&str>) -> String {
     }
 }
 
-/// Opens a recorded file. A stream of RTCM 3, which lacks the week, is dated first: see [`crate::dating`].
+/// Opens a recorded file. A stream of RTCM 3, which lacks the week, is dated first: see `dating`.
 ///
 /// # Errors
 /// When the file cannot be opened.
