@@ -1,4 +1,8 @@
 //! Recorded epochs at the speed of time, or a multiple of it.
+//!
+//! The agents of a group play the same time: the hub tells each when its first epoch is due (`cofix/<group>/phone/<phone>/pace`), for
+//! recordings begin at different seconds, and a phone that lags by more than the hub's latency is not waited for. Where no hub answers, an
+//! agent begins at once.
 
 use std::time::{Duration, Instant};
 
@@ -18,11 +22,33 @@ impl Pace {
         Self { speed, start: None }
     }
 
+    /// Whether the first epoch has set the clock, or none is needed.
+    pub(crate) const fn is_set(&self) -> bool {
+        self.start.is_some() || self.times().is_none()
+    }
+
+    /// How many times as fast as recorded epochs are due.
+    pub(crate) const fn times(&self) -> Option<f64> {
+        match self.speed {
+            Speed::Maximum => None,
+            Speed::Times(times) => Some(times),
+        }
+    }
+
+    /// The epoch of `first` is due in so many seconds; below zero, it was due some time ago.
+    pub(crate) fn set(&mut self, first: GpsTime, due_in_s: f64) {
+        let now = Instant::now();
+        let apart = Duration::try_from_secs_f64(due_in_s.abs()).unwrap_or_default();
+        let start = if due_in_s < 0.0 { now.checked_sub(apart) } else { now.checked_add(apart) };
+        self.start = Some((start.unwrap_or(now), first));
+    }
+
     /// Waits until the epoch of `time_gps` is due; `true` when asked to stop meanwhile.
     pub(crate) fn wait(&mut self, time_gps: GpsTime, stop: &Stop) -> bool {
         let (start, first) = *self.start.get_or_insert_with(|| (Instant::now(), time_gps));
         let due = due_after(self.speed, time_gps - first);
-        let left = due.saturating_sub(start.elapsed());
+        let now = Instant::now();
+        let left = start.checked_add(due).map_or(due, |at| at.saturating_duration_since(now));
         if left.is_zero() { stop.is_requested() } else { stop.sleep(left) }
     }
 }
@@ -46,6 +72,24 @@ mod tests {
         assert_eq!(due_after(Speed::Maximum, 1e9), Duration::ZERO);
         assert_eq!(due_after(Speed::Times(1.0), -1.0), Duration::ZERO);
         assert_eq!(due_after(Speed::Times(1e-300), 1e300), Duration::ZERO);
+    }
+
+    #[test]
+    fn a_group_s_clock_delays_the_first_epoch_or_hurries_it() {
+        let first = GpsTime::from_week_tow(2118, 0.0);
+        let due_s = |due_in_s: f64, after_s: f64| {
+            let mut pace = Pace::new(Speed::Times(10.0));
+            assert!(!pace.is_set());
+            pace.set(first, due_in_s);
+            assert!(pace.is_set());
+            let (start, first) = pace.start.unwrap();
+            let at = start + due_after(pace.speed, (first + after_s) - first);
+            at.saturating_duration_since(Instant::now()).as_secs_f64()
+        };
+        assert!((9.0..=10.0).contains(&due_s(10.0, 0.0)));
+        assert!(due_s(-5.0, 49.0) < 1e-9, "it was due a tenth of a second ago");
+        assert!((0.0..=0.1).contains(&due_s(-5.0, 51.0)));
+        assert!(Pace::new(Speed::Maximum).is_set());
     }
 
     #[test]

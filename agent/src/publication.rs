@@ -8,14 +8,16 @@
 use std::cell::Cell;
 use std::time::{Duration, Instant};
 
+use cofix_common::time::GpsTime;
 use cofix_common::wire::{
     EpochMessage, KeyNameError, PhoneStatus, StatusMessage, WireError, encode, epoch_key, history_key,
-    liveliness_key, receipt_key, status_key,
+    liveliness_key, pace_key, receipt_key, status_key,
 };
 use zenoh::bytes::ZBytes;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher as ZenohPublisher;
 use zenoh::qos::{CongestionControl, Reliability};
+use zenoh::query::Reply;
 use zenoh::sample::SourceInfo;
 use zenoh::{Session, Wait};
 
@@ -32,6 +34,10 @@ const INTRODUCTION: Duration = Duration::from_secs(2);
 const UNANSWERED: Duration = Duration::from_mins(10);
 /// Longest wait for receipts without progress once asked to stop.
 const LAST_WORDS: Duration = Duration::from_secs(1);
+/// How long the hub may take to tell when a recording's first epoch is due.
+const PACE_ANSWER: Duration = Duration::from_secs(2);
+/// Farthest from now that a first epoch may be due, s.
+const LONGEST_TO_FIRST_S: f64 = 3_600.0;
 /// How often it is said that the hub has not answered yet.
 const REMINDER: Duration = Duration::from_secs(15);
 
@@ -83,6 +89,7 @@ pub struct Publication {
     group: String,
     phone: String,
     receipt_key: String,
+    pace_key: String,
     session: Session,
     epochs: ZenohPublisher<'static>,
     status: ZenohPublisher<'static>,
@@ -110,6 +117,7 @@ impl Publication {
             group: group.to_owned(),
             phone: phone.to_owned(),
             receipt_key: format!("{}?run={}", receipt_key(group, phone)?, session.zid()),
+            pace_key: pace_key(group, phone)?,
             session,
             epochs,
             status,
@@ -199,6 +207,19 @@ impl Publication {
             std::thread::sleep(POLL);
         }
         wait.known.map(|known| known.received)
+    }
+
+    /// In how many seconds the first epoch of a recording is due that is played at `times` its speed, so that all phones of the group play
+    /// the same time; at once where no hub answers.
+    pub fn first_due_in_s(&self, first: GpsTime, times: f64) -> f64 {
+        let question = format!("{}?first={};speed={times}", self.pace_key, first.nanos());
+        let Ok(replies) = self.session.get(&question).timeout(PACE_ANSWER).wait() else { return 0.0 };
+        let answer = |reply: Reply| {
+            let bytes = reply.result().ok()?.payload().to_bytes().into_owned();
+            let due_in_s: f64 = std::str::from_utf8(&bytes).ok()?.parse().ok()?;
+            (due_in_s.abs() <= LONGEST_TO_FIRST_S).then_some(due_in_s)
+        };
+        replies.into_iter().find_map(answer).unwrap_or(0.0)
     }
 
     fn is_connected(&self) -> bool {

@@ -1,5 +1,6 @@
 //! The hub's side of Zenoh: subscriptions, receipts, fused states.
 
+mod pace;
 mod questions;
 
 use std::collections::VecDeque;
@@ -8,8 +9,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use cofix_agent::link;
 use cofix_common::wire::{
-    FusedMessage, all_epochs_key, all_liveliness_key, all_receipts_key, all_status_key, encode, fused_key,
-    phone_of_key,
+    FusedMessage, all_epochs_key, all_liveliness_key, all_paces_key, all_receipts_key, all_status_key,
+    encode, fused_key, phone_of_key,
 };
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
@@ -19,6 +20,7 @@ use zenoh::{Session, Wait};
 
 use crate::intake::Arrival;
 
+use pace::Metronome;
 pub use questions::HistoryQuestions;
 
 /// Events that may wait for the hub's thread. When they are as many, Zenoh and then the agents are held up.
@@ -123,6 +125,7 @@ pub struct Network {
     _status: Subscriber<()>,
     _alive: Subscriber<()>,
     _receipts: Queryable<()>,
+    _paces: Queryable<()>,
 }
 
 #[allow(clippy::needless_pass_by_value)] // for `map_err`
@@ -152,6 +155,12 @@ impl Network {
             .callback(move |query| answer(&answers, &phones, &query))
             .wait()
             .map_err(zenoh_error)?;
+        let metronome = Metronome::default();
+        let paces = session
+            .declare_queryable(all_paces_key(group)?)
+            .callback(move |query| metronome.answer(&query))
+            .wait()
+            .map_err(zenoh_error)?;
         let network = Self {
             session,
             group: group.to_owned(),
@@ -161,6 +170,7 @@ impl Network {
             _status: status,
             _alive: alive,
             _receipts: queryable,
+            _paces: paces,
         };
         Ok((network, events))
     }

@@ -7,6 +7,7 @@
 //! | `cofix/<group>/phone/<phone>/alive` | liveliness token of an agent |
 //! | `cofix/<group>/phone/<phone>/receipt` | query to the hub, with `?run=<Zenoh id of the agent>`: how many epochs of that run it has, as decimal text, and ` lost <n>` when it has given up n |
 //! | `cofix/<group>/phone/<phone>/history` | query to an agent: the [`KeptMessage`](super::KeptMessage), its status messages and, with `?run=<Zenoh id of the agent>;from=<n>;to=<m>`, the epochs of sequence numbers n to m − 1 that it keeps |
+//! | `cofix/<group>/phone/<phone>/pace` | query to the hub of an agent that plays a recording at the speed of time or a multiple of it, with `?first=<its first epoch, ns of GPS time>;speed=<multiple>`: in how many seconds that epoch is due, as decimal text, so that all agents of a group play the same time |
 //! | `cofix/<group>/fused/<phone>` | [`FusedMessage`](super::FusedMessage)s of the hub |
 
 /// Longest name of a group or phone, bytes.
@@ -87,6 +88,22 @@ pub fn liveliness_key(group: &str, phone: &str) -> Result<String, KeyNameError> 
 /// When a name cannot be a chunk of a key.
 pub fn receipt_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
     phone_key(group, phone, "receipt")
+}
+
+/// Where an agent that plays a recording asks when its first epoch is due.
+///
+/// # Errors
+/// When a name cannot be a chunk of a key.
+pub fn pace_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
+    phone_key(group, phone, "pace")
+}
+
+/// All phones' questions for the pace of a group.
+///
+/// # Errors
+/// When the group's name cannot be a chunk of a key.
+pub fn all_paces_key(group: &str) -> Result<String, KeyNameError> {
+    check_name(group).map(|()| format!("cofix/{group}/phone/*/pace"))
 }
 
 /// Where an agent answers with what it keeps of its run.
@@ -174,6 +191,8 @@ mod tests {
         assert_eq!(fused_key("g", "p").unwrap(), "cofix/g/fused/p");
         assert_eq!(receipt_key("g", "p").unwrap(), "cofix/g/phone/p/receipt");
         assert_eq!(history_key("g", "p").unwrap(), "cofix/g/phone/p/history");
+        assert_eq!(pace_key("g", "p").unwrap(), "cofix/g/phone/p/pace");
+        assert_eq!(all_paces_key("g").unwrap(), "cofix/g/phone/*/pace");
         assert_eq!(all_receipts_key("g").unwrap(), "cofix/g/phone/*/receipt");
         assert_eq!(all_epochs_key("g").unwrap(), "cofix/g/phone/*/epoch");
         assert_eq!(all_status_key("g").unwrap(), "cofix/g/phone/*/status");

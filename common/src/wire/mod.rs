@@ -17,9 +17,9 @@ pub use encoding::{
     MAXIMUM_MESSAGE_BYTES, MessageKind, WIRE_VERSION, WireError, WireMessage, decode, encode,
 };
 pub use key::{
-    KeyNameError, MAXIMUM_NAME_BYTES, all_epochs_key, all_fused_key, all_liveliness_key, all_receipts_key,
-    all_status_key, check_name, epoch_key, fused_key, history_key, liveliness_key, phone_of_key, receipt_key,
-    status_key,
+    KeyNameError, MAXIMUM_NAME_BYTES, all_epochs_key, all_fused_key, all_liveliness_key, all_paces_key,
+    all_receipts_key, all_status_key, check_name, epoch_key, fused_key, history_key, liveliness_key,
+    pace_key, phone_of_key, receipt_key, status_key,
 };
 pub use message::{EpochMessage, FusedMessage, KeptMessage, PhoneStatus, StatusMessage};
 pub use plausible::{Implausible, InvalidMessage, MAXIMUM_OBSERVATIONS};
