@@ -1,7 +1,6 @@
 //! Bytes of any source and format to records, in order of time.
 
 use cofix_common::decode::{Decoder, Record};
-use cofix_common::gnss::Misnamed;
 use cofix_common::gnsslogger;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -150,9 +149,7 @@ impl Records {
         let is_rinex = matches!(self.decoder.format(), Some(Format::Rinex | Format::CompactRinex));
         if let (Record::Epoch(epoch), false) = (&mut record, is_rinex) {
             let time_gps = epoch.time_gps;
-            let mut misnamed = Misnamed::default();
             epoch.observations.retain(|observation| {
-                misnamed.note(observation.satellite, observation.signal);
                 let reason = observation.satellite.cannot_send(observation.signal);
                 if let Some(reason) = reason {
                     self.skips.add(reason, || {
@@ -160,11 +157,6 @@ impl Records {
                     });
                 }
                 reason.is_none()
-            });
-            misnamed.leave_out(&mut epoch.observations, |observation| {
-                self.skips.add(Misnamed::REASON, || {
-                    format!("{} {} at {time_gps}", observation.satellite, observation.signal)
-                });
             });
         }
         record

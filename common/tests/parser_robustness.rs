@@ -132,7 +132,7 @@ fn damaged(text: &str, damages: &[Damage]) -> Vec<u8> {
 
 fn in_bounds(observation: &Observation) -> bool {
     observation.pseudorange_m.is_none_or(|p| (1e6..=1e9).contains(&p))
-        && observation.doppler_hz.is_none_or(|d| d.abs() <= 5e4)
+        && observation.doppler_hz.is_none_or(|d| d.abs() <= 2e5)
         && observation.cn0_dbhz.is_none_or(|c| (0.0..=70.0).contains(&c))
         && observation.carrier_phase_cycles.is_none_or(f64::is_finite)
 }

@@ -5,7 +5,8 @@ use super::{Observation, SatelliteId, SignalCode};
 /// Attributes of B2I at 1207.14 MHz that an epoch gives to satellites of BeiDou-3, which do not send it.
 ///
 /// Who wrote the epoch calls another signal so (B2a or B2b), and what it calls so of BeiDou-2 may be that signal as well: metres
-/// of group delay and ionosphere. So the code is not used of any satellite of that epoch.
+/// of group delay and ionosphere. So the code is not used of any satellite of that epoch. This holds for RINEX 3 and later, whose
+/// codes name signals; signal numbers of RTCM and bands of RINEX 2 are common to both generations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Misnamed {
     /// A bit for each letter.
