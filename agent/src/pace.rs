@@ -22,16 +22,11 @@ impl Pace {
         Self { speed, start: None }
     }
 
-    /// Whether the first epoch has set the clock, or none is needed.
-    pub(crate) const fn is_set(&self) -> bool {
-        self.start.is_some() || self.times().is_none()
-    }
-
-    /// How many times as fast as recorded epochs are due.
-    pub(crate) const fn times(&self) -> Option<f64> {
-        match self.speed {
-            Speed::Maximum => None,
-            Speed::Times(times) => Some(times),
+    /// How many times as fast as recorded epochs are due, as long as no first epoch has set the clock; `None` where none is needed.
+    pub(crate) const fn unset_times(&self) -> Option<f64> {
+        match (self.speed, self.start) {
+            (Speed::Times(times), None) => Some(times),
+            _ => None,
         }
     }
 
@@ -79,9 +74,9 @@ mod tests {
         let first = GpsTime::from_week_tow(2118, 0.0);
         let due_s = |due_in_s: f64, after_s: f64| {
             let mut pace = Pace::new(Speed::Times(10.0));
-            assert!(!pace.is_set());
+            assert_eq!(pace.unset_times(), Some(10.0));
             pace.set(first, due_in_s);
-            assert!(pace.is_set());
+            assert_eq!(pace.unset_times(), None);
             let (start, first) = pace.start.unwrap();
             let at = start + due_after(pace.speed, (first + after_s) - first);
             at.saturating_duration_since(Instant::now()).as_secs_f64()
@@ -89,7 +84,7 @@ mod tests {
         assert!((9.0..=10.0).contains(&due_s(10.0, 0.0)));
         assert!(due_s(-5.0, 49.0) < 1e-9, "it was due a tenth of a second ago");
         assert!((0.0..=0.1).contains(&due_s(-5.0, 51.0)));
-        assert!(Pace::new(Speed::Maximum).is_set());
+        assert_eq!(Pace::new(Speed::Maximum).unset_times(), None);
     }
 
     #[test]

@@ -246,7 +246,7 @@ impl Work<'_> {
             }
             let Some(epoch) = epoch else { continue };
             self.rover.suppose(opened.records().and_then(|records| records.decoder().station()));
-            if let (false, Some(times)) = (pace.is_set(), pace.times()) {
+            if let Some(times) = pace.unset_times() {
                 pace.set(epoch.time_gps, self.publication.first_due_in_s(epoch.time_gps, times));
             }
             // Of a live source everything is published that has come until the request to stop.

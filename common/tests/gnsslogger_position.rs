@@ -5,22 +5,22 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod beside;
+mod log_lines;
 mod navbits_encoder;
 
 use std::fmt::Write as _;
 use std::sync::Arc;
 
 use beside::required;
-use cofix_common::decode::{Decoder, Record};
 use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
 use cofix_common::gnss::{Constellation, ObservationEpoch};
-use cofix_common::gnsslogger::GnssLoggerDecoder;
 use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};
 use cofix_common::orbit::Products;
 use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
+use log_lines::{Decoded, decode};
 use navbits_encoder::{Bits, fields, rinex2};
 
 /// A `Nav` line of type GPS L1 C/A.
@@ -72,19 +72,8 @@ fn errors(log: &str, navigation: &str, middle: &str) -> (Vec<f64>, usize) {
             all += &nav_line(satellite, number, words);
         }
     }
-    let mut decoder = GnssLoggerDecoder::default();
-    decoder.feed(all.as_bytes()).unwrap();
-    decoder.feed(log.as_bytes()).unwrap();
-    decoder.finish().unwrap();
-    let (mut epochs, mut ephemerides) = (Vec::new(), Vec::new());
-    while let Some(record) = decoder.next_record() {
-        match record {
-            Record::Epoch(epoch) => epochs.push(epoch),
-            Record::Ephemeris(ephemeris) => ephemerides.push(*ephemeris),
-            other @ (Record::Glonass(_) | Record::Event(_)) => panic!("{other:?}: such logs give none"),
-        }
-    }
-    assert!(decoder.skips().iter().all(|(reason, _)| !reason.contains("LNAV")), "{}", decoder.skips());
+    let Decoded { epochs, ephemerides, skips, decoder } = decode(&(all + &log));
+    assert!(skips.iter().all(|(reason, _)| !reason.contains("LNAV")), "{skips}");
     println!("{} ephemerides, {} epochs", ephemerides.len(), epochs.len());
     let file = NavigationFile {
         glonass: Vec::new(),

@@ -1,6 +1,6 @@
 //! Codes of one BeiDou generation that a recording gives to the other one too.
 
-use super::{Observation, SatelliteId, SignalCode};
+use super::{Constellation, Observation, SatelliteId, SignalCode};
 
 /// Attributes of B2I at 1207.14 MHz that an epoch gives to satellites of BeiDou-3, which do not send it.
 ///
@@ -31,18 +31,14 @@ impl Misnamed {
             return;
         }
         observations.retain(|observation| {
-            let (satellite, signal) = (observation.satellite, observation.signal);
-            let third = SatelliteId::new(satellite.constellation, u8::MAX);
-            let is_noted = third.is_beidou_3() && signal.band == b'7' && self.has(signal.attribute);
+            let signal = observation.signal;
+            let is_beidou = observation.satellite.constellation == Constellation::Beidou;
+            let is_noted = is_beidou && signal.band == b'7' && self.attributes & bit(signal.attribute) != 0;
             if is_noted {
                 count(observation);
             }
             !is_noted
         });
-    }
-
-    const fn has(self, attribute: u8) -> bool {
-        self.attributes & bit(attribute) != 0
     }
 }
 
