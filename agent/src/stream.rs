@@ -291,8 +291,8 @@ impl Decoder for StreamDecoder {
             return None;
         }
         let mut record = self.decoder().next_record()?;
-        // The other formats take the weeks into account themselves; RTCM 3 has none.
-        if let (Record::Epoch(epoch), Kind::Rinex(..)) = (&mut record, &self.kind) {
+        // GnssLogger text and tables take the weeks into account themselves; RTCM 3 has none.
+        if let (Record::Epoch(epoch), Kind::Rinex(..) | Kind::SpareLog(_)) = (&mut record, &self.kind) {
             epoch.time_gps = epoch.time_gps + self.log.shift_weeks as f64 * SECONDS_PER_WEEK;
         }
         Some(record)

@@ -377,18 +377,17 @@ fn epochs_a_second_late_are_set_right() {
     assert_eq!(file.skips.count("epoch corrected by whole seconds, row used"), 1, "{}", file.skips);
 }
 
+/// A row of satellite `number` at the start whose epoch is written so much later.
+fn tagged(tag_ms: i64, number: usize) -> String {
+    row_2021(START_MS, &sky()[number]).replacen(&START_MS.to_string(), &(START_MS + tag_ms).to_string(), 1)
+}
+
 /// Where the phone's clock was set between two epochs, the time of the next one is off by no whole number of seconds.
 #[test]
 fn epochs_of_an_irregular_step_have_the_time_of_arrival() {
-    let row = |tag_ms: i64, number: usize| {
-        row_2021(START_MS, &sky()[number]).replacen(
-            &START_MS.to_string(),
-            &(START_MS + tag_ms).to_string(),
-            1,
-        )
-    };
     for tag_ms in [1_192, 991, -9, 4_790, 30_003] {
-        let rows = [row(tag_ms, 0), row_2021(START_MS + 60_000, &sky()[0]), row(tag_ms, 1), row(tag_ms, 2)];
+        let rows =
+            [tagged(tag_ms, 0), row_2021(START_MS + 60_000, &sky()[0]), tagged(tag_ms, 1), tagged(tag_ms, 2)];
         let file = DerivedFile::parse(format!("{HEADER_2021}{}", rows.concat()).as_bytes()).unwrap();
         let [first, _] = file.epochs.as_slice() else { panic!("{tag_ms}: {}", file.skips) };
         assert_eq!(first.observations.len(), 3, "{tag_ms}: {}", file.skips);
@@ -396,13 +395,30 @@ fn epochs_of_an_irregular_step_have_the_time_of_arrival() {
         assert_eq!(file.skips.count("epoch corrected to the time of arrival, row used"), 3, "{}", file.skips);
     }
     // A single row may be damaged.
-    let file = DerivedFile::parse(format!("{HEADER_2021}{}", row(1_192, 0)).as_bytes()).unwrap();
+    let file = DerivedFile::parse(format!("{HEADER_2021}{}", tagged(1_192, 0)).as_bytes()).unwrap();
     assert!(file.epochs.is_empty());
     assert_eq!(file.skips.count("epoch contradicts transmission and pseudorange"), 1, "{}", file.skips);
     // Beside an epoch of the same arrival one row suffices.
-    let rows = [row_2021(START_MS, &sky()[0]), row(1_192, 1)].concat();
+    let rows = [row_2021(START_MS, &sky()[0]), tagged(1_192, 1)].concat();
     let file = DerivedFile::parse(format!("{HEADER_2021}{rows}").as_bytes()).unwrap();
     assert_eq!((file.epochs.len(), file.epochs[0].observations.len()), (1, 2), "{}", file.skips);
+}
+
+/// Of one epoch, some rows may be written with its time and others with one that only their arrival corrects.
+#[test]
+fn rows_of_both_kinds_are_one_epoch() {
+    let tags = [[0, 1_192, 1_192], [1_192, 1_192, 0], [1_192, 0, 1_192], [0, 0, 991]];
+    for tags_ms in tags {
+        let rows = tags_ms.iter().enumerate().map(|(number, tag_ms)| {
+            // The epoch as it is written is cut to the millisecond.
+            let sent_ns = transmission_ns(START_MS, &sky()[number]);
+            tagged(*tag_ms, number).replacen(&sent_ns.to_string(), &(sent_ns + 442_000).to_string(), 1)
+        });
+        let file =
+            DerivedFile::parse(format!("{HEADER_2021}{}", rows.collect::<String>()).as_bytes()).unwrap();
+        let [epoch] = file.epochs.as_slice() else { panic!("{tags_ms:?}: {:?}", file.epochs) };
+        assert_eq!(epoch.observations.len(), 3, "{tags_ms:?}: {}", file.skips);
+    }
 }
 
 /// Columns of whole numbers with blanks become doubles in many tools, which print them so.

@@ -63,7 +63,7 @@ pub struct PlannedPhone {
     pub truth: Option<Truth>,
     /// Whether its recording's own satellite states and delays are taken, where it has them.
     pub recorded_corrections: bool,
-    /// Weeks to add to its times, in place of those of the session.
+    /// Weeks to add to its times.
     pub shift_weeks: Option<i64>,
     /// What is not used of it, beside what the settings exclude for all phones.
     pub exclude: Vec<Exclusion>,
@@ -138,7 +138,7 @@ impl Plan {
     /// A mask that makes no sense.
     fn log(&self, phone: &PlannedPhone) -> Result<gnsslogger::Options, MaskError> {
         let Settings { log, masks, .. } = &self.settings;
-        LogOptions { shift_weeks: phone.shift_weeks.or(log.shift_weeks), ..log.clone() }.with(masks)
+        LogOptions { shift_weeks: phone.shift_weeks, ..log.clone() }.with(masks)
     }
 }
 
@@ -404,20 +404,22 @@ mod tests {
         };
         let truth = file("truth.txt", TRUTH_WITHOUT_WEEK);
         let log = file("log.txt", LOG);
-        let week_of = |observations: Option<&PathBuf>, date: Option<GpsTime>| {
+        let shifted_week_of = |shift_weeks, observations: Option<&PathBuf>, date: Option<GpsTime>| {
             let phone = SessionPhone {
                 name: "a".to_owned(),
                 observations: observations.cloned(),
                 truth: Some(truth.clone()),
                 recorded_corrections: false,
-                shift_weeks: None,
+                shift_weeks,
                 date,
                 exclude: Vec::new(),
             };
             let truths = read_truths(&[phone]).map_err(|error| format!("{error:#}"))?;
             Ok::<_, String>(truths[0].1.as_ref().unwrap().span().unwrap().0.week())
         };
+        let week_of = |observations, date| shifted_week_of(None, observations, date);
         assert_eq!(week_of(Some(&log), None), Ok(2118));
+        assert_eq!(shifted_week_of(Some(-1_024), Some(&log), None), Ok(1094));
         assert_eq!(week_of(Some(&log), Some(GpsTime::from_week_tow(2119, 300_000.0))), Ok(2119));
         let said = week_of(None, None).unwrap_err();
         assert!(

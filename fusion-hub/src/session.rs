@@ -150,7 +150,7 @@ pub struct SessionPhone {
     pub truth: Option<PathBuf>,
     /// Whether its recording's own satellite states and delays are taken, where it has them.
     pub recorded_corrections: bool,
-    /// Weeks to add to its times, in place of those of the session.
+    /// Weeks to add to its times: its own, or those of the session.
     pub shift_weeks: Option<i64>,
     /// An instant within three days of the recording's beginning.
     pub date: Option<GpsTime>,
@@ -266,7 +266,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
             observations: phone.observations.map(at),
             truth: phone.truth.map(at),
             recorded_corrections: phone.recorded_corrections,
-            shift_weeks: phone.shift_weeks,
+            shift_weeks: phone.shift_weeks.or(settings.log.shift_weeks),
             exclude: phone.exclude,
         })
     };

@@ -24,6 +24,9 @@ const MAX_OPEN: usize = 2_000;
 const SAME_TIME_S: f64 = 1e-6;
 /// Arrivals of one epoch differ by less than this, s: they are all the same but for rounding.
 const SAME_ARRIVAL_S: f64 = 0.000_5;
+/// Arrivals of rows whose epochs are written alike differ by less than this, s: each is at most a millisecond from it
+/// ([`times`]).
+const WRITTEN_ALIKE_S: f64 = 0.002_1;
 
 /// A whole table.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,8 +70,8 @@ struct Table {
     masks: Masks,
     /// Once the header was read.
     columns: Option<Result<Columns, WrongStream>>,
-    /// Epochs to which rows may still come.
-    open: BTreeMap<GpsTime, RecordedEpoch>,
+    /// Epochs to which rows may still come, by their receive times.
+    open: BTreeMap<GpsTime, Open>,
     /// The latest time that is believed.
     latest: Option<GpsTime>,
     /// A time far ahead that waits for a later one.
@@ -78,6 +81,14 @@ struct Table {
     /// A row whose epoch is off by no whole number of seconds, which waits for another one with the same arrival.
     irregular: Option<(u64, Row)>,
     losses: Losses,
+}
+
+/// An epoch to which rows may still come.
+#[derive(Clone, Debug)]
+struct Open {
+    /// The epoch as the first row has it, whole seconds corrected; the arrival where that is no time of the row's.
+    written_gps: GpsTime,
+    epoch: RecordedEpoch,
 }
 
 impl DerivedDecoder {
@@ -137,21 +148,26 @@ impl Table {
     fn irregular(&mut self, number: u64, row: Row, skips: &mut Skips) {
         let arrival = row.received_gps;
         let is_same = |time: GpsTime| (arrival - time).abs() < SAME_ARRIVAL_S;
-        let open = self.open_near(arrival, SAME_ARRIVAL_S);
         let pending = self.irregular.take_if(|(_, other)| is_same(other.received_gps));
-        let Some(time_gps) = open.or(pending.as_ref().map(|(_, other)| other.time_gps)) else {
+        if pending.is_none() && self.open_for(&row).is_none() {
             self.drop_irregular(skips);
             self.irregular = Some((number, row));
             return;
-        };
+        }
         for (number, row) in pending.into_iter().chain([(number, row)]) {
-            self.row(number, Row { time_gps, ..row }, skips);
+            self.row(number, row, skips);
         }
     }
 
-    /// The time of an open epoch at most `within_s` from another.
-    fn open_near(&self, time: GpsTime, within_s: f64) -> Option<GpsTime> {
-        self.open.range(time - within_s..=time + within_s).next().map(|(time_gps, _)| *time_gps)
+    /// The receive time of the open epoch to which a row belongs: one that is written alike, or one with the same arrival, as
+    /// rows that are written alike and rows whose arrival counts stand beside one another.
+    fn open_for(&self, row: &Row) -> Option<GpsTime> {
+        let received = row.received_gps;
+        let near = self.open.range(received - WRITTEN_ALIKE_S..=received + WRITTEN_ALIKE_S);
+        let is_written = |open: &Open| (open.written_gps - row.time_gps).abs() <= SAME_TIME_S;
+        let by_writing = near.clone().find(|(_, open)| is_written(open));
+        let by_arrival = || near.clone().find(|(time, _)| (received - **time).abs() < SAME_ARRIVAL_S);
+        by_writing.or_else(by_arrival).map(|(time, _)| *time)
     }
 
     /// Leaves out the row that waits for another one with the same arrival.
@@ -165,8 +181,8 @@ impl Table {
     }
 
     fn row(&mut self, number: u64, row: Row, skips: &mut Skips) {
-        let Row { time_gps, received_gps, shift, recorded, channel_only, lack } = row;
-        let time_gps = self.open_near(time_gps, SAME_TIME_S).unwrap_or(time_gps);
+        let time_gps = self.open_for(&row).unwrap_or(row.received_gps);
+        let Row { time_gps: written_gps, received_gps: _, shift, recorded, channel_only, lack } = row;
         let (satellite, signal) = (recorded.observation.satellite, recorded.observation.signal);
         let is_lost = recorded.observation.loss_of_lock.cycle_slip;
         if !self.is_in_time(time_gps, skips) {
@@ -182,10 +198,9 @@ impl Table {
         if shift_s != 0.0 {
             skips.add(reason, || format!("line {number}: {time_gps} was written {shift_s:.3} s later"));
         }
-        let epoch = self.open.entry(time_gps).or_insert_with(|| RecordedEpoch {
-            time_gps: received_gps,
-            observations: Vec::new(),
-            by_channel: Vec::new(),
+        let Open { epoch, .. } = self.open.entry(time_gps).or_insert_with(|| Open {
+            written_gps,
+            epoch: RecordedEpoch { time_gps, observations: Vec::new(), by_channel: Vec::new() },
         });
         let same = |known: &Observation| (known.satellite, known.signal) == (satellite, signal);
         let by_slot = epoch.observations.iter().map(|known| &known.observation);
@@ -213,7 +228,7 @@ impl Table {
     /// Whether a row's epoch may still get rows. A time far ahead waits for a later one that goes on from there, and meanwhile completes
     /// no epoch; one that goes on from before shows that it was wrong.
     fn is_in_time(&mut self, time: GpsTime, skips: &mut Skips) -> bool {
-        if self.closed.is_some_and(|closed| time <= closed) {
+        if self.closed.is_some_and(|closed| time - closed < SAME_ARRIVAL_S) {
             return false;
         }
         let is_far = self.latest.is_some_and(|latest| time - latest > LONG_STEP_S);
@@ -237,7 +252,7 @@ impl Table {
     /// Leaves out the epoch that waits, if this is so of its time.
     fn drop_suspect(&mut self, wrong: impl Fn(GpsTime) -> bool, skips: &mut Skips) {
         if let Some(suspect) = self.suspect.take_if(|suspect| wrong(*suspect))
-            && let Some(epoch) = self.open.remove(&suspect)
+            && let Some(Open { epoch, .. }) = self.open.remove(&suspect)
         {
             for RecordedObservation { observation, .. } in &epoch.observations {
                 let signal = (observation.satellite, observation.signal);
@@ -258,7 +273,7 @@ impl Table {
             if !ended && is_recent && !is_full {
                 break;
             }
-            let (time_gps, mut epoch) = entry.remove_entry();
+            let (time_gps, Open { mut epoch, .. }) = entry.remove_entry();
             self.closed = Some(time_gps);
             self.losses.mark(time_gps, &mut epoch);
             // Rows without a slot make no epoch.

@@ -32,7 +32,7 @@ pub(super) const MAX_NANOS: i64 = i64::MAX / 2;
 /// A row that was read.
 #[derive(Clone, Debug)]
 pub(super) struct Row {
-    /// Epoch as it is written, whole seconds corrected; rows belong together by it.
+    /// Epoch as it is written, whole seconds corrected; the arrival where that is no time of the row's.
     pub(super) time_gps: GpsTime,
     /// Receive time.
     pub(super) received_gps: GpsTime,

@@ -90,7 +90,7 @@ fn weeks_are_shifted_by_phone_and_session() {
     let text = "group = 'g'\n[[phone]]\nname = 'a'\nshift_weeks = 1024\n[[phone]]\nname = 'b'\n[log]\nshift_weeks = -1024";
     let session = parse(text).unwrap();
     let shifts: Vec<_> = session.phones.iter().map(|phone| phone.shift_weeks).collect();
-    assert_eq!((shifts, session.settings.log.shift_weeks), (vec![Some(1_024), None], Some(-1_024)));
+    assert_eq!((shifts, session.settings.log.shift_weeks), (vec![Some(1_024), Some(-1_024)], Some(-1_024)));
 }
 
 #[test]
