@@ -7,10 +7,10 @@ use clap::{Args, Parser, Subcommand};
 use cofix_agent::corrections::{CorrectionSourceError, approximate_position, base_position};
 use cofix_agent::input::{LiveSource, Trust};
 use cofix_agent::masks::{LogOptions, Masks};
-use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{AgentConfig, CorrectionSource, Corrections, ProductFiles, ProductSource, Source, Speed};
 use cofix_common::frames::Ecef;
 use cofix_common::measurement::{CorrectionOptions, DifferentialOptions, Ionosphere};
+use cofix_common::pipeline::PipelineOptions;
 use cofix_common::time::GpsTime;
 use cofix_console::Verbosity;
 

@@ -5,15 +5,15 @@ use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
 
+use cofix_common::formats::gnsslogger;
 use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
-use cofix_common::gnsslogger;
 use cofix_common::orbit::Products;
 use cofix_common::time::GpsTime;
 
 use crate::corrections::Corrections;
 use crate::input::LiveSource;
-use crate::pipeline::PipelineOptions;
+use cofix_common::pipeline::PipelineOptions;
 
 /// Everything about one agent's run.
 #[derive(Clone, Debug)]
@@ -73,7 +73,7 @@ impl AgentConfig {
 /// Where observations come from.
 #[derive(Clone, Debug)]
 pub enum Source {
-    /// A recorded file of any format that is read (see [`crate::format::Format`]), plain or compressed (.gz, .Z).
+    /// A recorded file of any format that is read (see [`cofix_common::formats::format::Format`]), plain or compressed (.gz, .Z).
     File(PathBuf),
     /// The same with an instant within three days of its beginning, for RTCM 3, whose messages carry the time of week only.
     /// Without it the products tell, or else the time of the file's last change.

@@ -7,15 +7,15 @@ use std::io;
 use std::path::Path;
 use std::time::SystemTime;
 
-use cofix_common::rinex::leap_seconds_at;
-use cofix_common::rtcm::{Dating, DatingHint, FIRST_WEEK, StreamDates};
+use cofix_common::formats::rtcm::{Dating, DatingHint, FIRST_WEEK, StreamDates};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
+use cofix_common::time::leap_seconds_at;
 
 use crate::Stop;
-use crate::format::{self, Format};
 use crate::input::{Bytes, Portion, Recorded};
 use crate::source;
+use cofix_common::formats::format::{self, Format};
 
 /// When a recording was made, and what is to be said about it.
 pub(crate) struct Dated {

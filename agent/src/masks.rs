@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use clap::{Args, ValueEnum};
-use cofix_common::gnsslogger::{self, BiasReference};
+use cofix_common::formats::gnsslogger::{self, BiasReference};
 use cofix_common::measurement::{CorrectionOptions, Exclusion};
 use serde::{Deserialize, Serialize};
 

@@ -6,18 +6,18 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cofix_common::atmosphere::Ionex;
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
+use cofix_common::formats::text::content;
 use cofix_common::gnss::{ObservationEpoch, SatelliteId};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{BiasFile, ClockFile, GlonassEphemeris, KeplerEphemeris, Products, Sp3};
-use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
-use cofix_common::text::content;
 use cofix_common::time::GpsTime;
 
 use crate::kinds;
 use crate::source::{SourceError, with_hint};
-use crate::stream::StreamDecoder;
 use crate::{ProductFiles, ProductSource, Stop};
+use cofix_common::formats::stream::StreamDecoder;
 
 /// Group delays drift by a fraction of a nanosecond a month; older ones serve, but the user should know.
 const STALE_GROUP_DELAYS_S: f64 = 7.0 * 86_400.0;
@@ -252,7 +252,7 @@ pub(crate) fn note_shortcomings(time_gps: GpsTime, is_first: bool, products: &Pr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cofix_common::rinex::NavigationFile;
+    use cofix_common::orbit::NavigationFile;
 
     const GALILEO: &str = "     3.05           N: GNSS NAV DATA    E: GALILEO          RINEX VERSION / TYPE
                                                             END OF HEADER

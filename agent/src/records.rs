@@ -1,15 +1,15 @@
 //! Bytes of any source and format to records, in order of time.
 
-use cofix_common::decode::{Decoder, Record};
-use cofix_common::gnsslogger;
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::gnsslogger;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
 use crate::Stop;
 use crate::dating::Dated;
-use crate::format::Format;
 use crate::input::{Bytes, Portion};
-use crate::stream::StreamDecoder;
+use cofix_common::formats::format::Format;
+use cofix_common::formats::stream::StreamDecoder;
 
 /// Why a source gives no records.
 #[derive(Debug, thiserror::Error)]
@@ -19,7 +19,7 @@ pub enum RecordsError {
     Read(#[from] std::io::Error),
     /// It is not what it should be.
     #[error(transparent)]
-    Wrong(#[from] cofix_common::decode::WrongStream),
+    Wrong(#[from] cofix_common::formats::decode::WrongStream),
 }
 
 /// The records of a source.

@@ -12,11 +12,11 @@ use crate::corrections::{Feed, News};
 use crate::input::ntrip::RoverPosition;
 use crate::link::{self, LinkError};
 use crate::pace::Pace;
-use crate::pipeline::{NO_SOLUTION, PhonePipeline};
 use crate::products::{Loaded, OwnNavigation, note_shortcomings};
 use crate::publication::{Publication, PublicationError, Publisher};
 use crate::source::{self, Opened, Reading, SourceError};
 use crate::{AgentConfig, Source, Speed, Stop};
+use cofix_common::pipeline::{NO_SOLUTION, PhonePipeline};
 
 /// Why an agent's run failed.
 #[derive(Debug, thiserror::Error)]

@@ -9,26 +9,26 @@ use std::path::{Path, PathBuf};
 use std::slice;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
+use cofix_common::formats::gnsslogger;
 use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
-use cofix_common::gnsslogger;
-use cofix_common::rinex::leap_seconds_at;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
+use cofix_common::time::leap_seconds_at;
 
 use crate::dating;
-use crate::format::Format;
 use crate::input::ntrip::RoverPosition;
 use crate::input::{LiveSource, Recorded};
 use crate::kinds;
 use crate::products::OwnNavigation;
 use crate::records::{Records, RecordsError};
 use crate::{Source, Stop};
+use cofix_common::formats::format::Format;
 
 pub use crate::products::products;
 
-const KIND: &str = kinds::OBSERVATIONS;
+const KIND: &str = cofix_common::formats::kinds::OBSERVATIONS;
 
 /// A source that cannot be used.
 #[derive(Debug, thiserror::Error)]

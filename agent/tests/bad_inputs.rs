@@ -12,7 +12,7 @@ use cofix_agent::convert::{Outputs, convert};
 use cofix_agent::inspect::{InspectOptions, Inspection, inspect};
 use cofix_agent::source::{Reading, survey};
 use cofix_agent::{Source, Stop};
-use cofix_common::rinex::ObservationFile;
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::time::GpsTime;
 use flate2::Compression;
 use flate2::write::GzEncoder;

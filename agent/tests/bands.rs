@@ -8,14 +8,14 @@ mod beside;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_agent::source::{Reading, open_file, products};
 use cofix_agent::{ProductFiles, ProductSource, Stop};
 use cofix_common::accuracy::{Accuracy, Solution, Truth, score};
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::measurement::{CorrectionOptions, Ionosphere};
 use cofix_common::orbit::Products;
+use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 
 fn data(path: &str) -> PathBuf {
     beside::file(&format!("data/{path}"))

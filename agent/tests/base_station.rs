@@ -7,11 +7,12 @@ mod beside;
 
 use std::sync::Arc;
 
-use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
 use cofix_common::measurement::DifferentialOptions;
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
-use cofix_common::rinex::{NavigationFile, ObservationFile};
+use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 
 fn input(path: &str) -> Vec<u8> {
     beside::required(&format!("oracle/inputs/{path}"))

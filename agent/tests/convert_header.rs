@@ -7,9 +7,9 @@ mod recordings;
 use cofix_agent::Stop;
 use cofix_agent::convert::{Converted, Outputs, convert};
 use cofix_agent::source::Reading;
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::frames::{Ecef, Geodetic};
 use cofix_common::gnss::NOT_OF_ITS_GENERATION;
-use cofix_common::rinex::ObservationFile;
 use cofix_common::time::GpsTime;
 use recordings::{frame, log, msm4_of, rinex_3, rtcm};
 

@@ -16,10 +16,11 @@ use cofix_agent::input::{Backoff, LiveSource};
 use cofix_agent::{
     AgentConfig, AgentReport, CorrectionSource, Corrections, ProductSource, Source, Stop, run,
 };
+use cofix_common::formats::rinex::{ObservationLayout, ObservationWriter, RecordingInfo};
 use cofix_common::frames::Ecef;
 use cofix_common::gnss::{Constellation, ObservationEpoch};
+use cofix_common::orbit::IonosphereTerms;
 use cofix_common::orbit::{KeplerEphemeris, Products};
-use cofix_common::rinex::{IonosphereTerms, ObservationLayout, ObservationWriter, RecordingInfo};
 use cofix_common::simulation::{PhoneOptions, Scenario, SimulatedEpoch, Simulation};
 use cofix_common::wire::EpochMessage;
 use hub_support::Hub;

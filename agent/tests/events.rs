@@ -7,8 +7,8 @@ use cofix_agent::Stop;
 use cofix_agent::convert::{Outputs, convert};
 use cofix_agent::inspect::{InspectOptions, inspect};
 use cofix_agent::source::Reading;
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::gnss::EventKind;
-use cofix_common::rinex::ObservationFile;
 
 fn header(content: &str, label: &str) -> String {
     format!("{content:<60}{label}\n")

@@ -11,10 +11,10 @@ use std::path::Path;
 use std::time::Duration;
 
 use cofix_agent::Stop;
-use cofix_agent::format::Format;
 use cofix_agent::input::{Backoff, Bytes, Connected, Followed, Piped};
 use cofix_agent::records::{Records, RecordsError};
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
+use cofix_common::formats::format::Format;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::time::GpsTime;
 

@@ -6,11 +6,11 @@ use std::sync::Arc;
 
 use cofix_agent::inspect::{InspectOptions, Inspected, inspect, inspect_any};
 use cofix_agent::{ProductSource, Stop};
-use cofix_common::gnss::ObservationEpoch;
-use cofix_common::measurement::CorrectionOptions;
-use cofix_common::rinex::{
+use cofix_common::formats::rinex::{
     ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record,
 };
+use cofix_common::gnss::ObservationEpoch;
+use cofix_common::measurement::CorrectionOptions;
 use cofix_common::simulation::{Scenario, Simulation};
 
 fn write(path: &Path, epochs: &[ObservationEpoch]) {

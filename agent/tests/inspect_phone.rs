@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use cofix_agent::inspect::{InspectOptions, Inspection, inspect};
-use cofix_agent::phone::{PhoneReport, SystemStatus, Typical};
 use cofix_agent::{ProductSource, Stop};
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
+use cofix_common::formats::phone::{PhoneReport, SystemStatus, Typical};
 use cofix_common::frames::{Direction, LocalFrame};
 use cofix_common::gnss::{Constellation, SatelliteId};
 use cofix_common::simulation::{Scenario, SimulatedEpoch, Simulation};

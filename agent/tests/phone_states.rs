@@ -6,13 +6,13 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use cofix_agent::masks::{LogOptions, Masks};
-use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_agent::source::{Reading, open_file, survey};
 use cofix_agent::{Source, Stop};
 use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
 use cofix_common::frames::{Ecef, Enu, Geodetic, LocalFrame};
 use cofix_common::orbit::Products;
+use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 

@@ -9,14 +9,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use beside::pixel4_table as table;
-use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_agent::source::{Reading, open_file, survey};
 use cofix_agent::{Source, Stop};
 use cofix_common::accuracy::{Accuracy, Solution, Truth, score};
-use cofix_common::decode::Record;
-use cofix_common::gsdc::ground_truth;
+use cofix_common::formats::decode::Record;
+use cofix_common::formats::gsdc::ground_truth;
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
-use cofix_common::rinex::NavigationFile;
+use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 

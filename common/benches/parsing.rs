@@ -12,12 +12,14 @@ mod hatanaka_encoder;
 use std::fmt::Write as _;
 
 use cofix_common::atmosphere::Ionex;
-use cofix_common::decode::Decoder;
-use cofix_common::gnsslogger::{GnssLoggerDecoder, Options};
-use cofix_common::gsdc::DerivedFile;
+use cofix_common::formats::decode::Decoder;
+use cofix_common::formats::gnsslogger::{GnssLoggerDecoder, Options};
+use cofix_common::formats::gsdc::DerivedFile;
+use cofix_common::formats::packing::decompress;
+use cofix_common::formats::rinex::ObservationFile;
+use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{BiasFile, ClockFile, Sp3};
-use cofix_common::rinex::{NavigationFile, ObservationFile, decompress};
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::time::GpsTime;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 

@@ -3,11 +3,16 @@
 //! GPS time has no leap seconds. A nanosecond is 0.3 m for a signal but only 4 µm for a satellite's position,
 //! and receivers' fractions of a sample never enter through a time tag here; so integers are exact where it matters.
 
+mod leap_seconds;
+
 use std::fmt;
 use std::ops::{Add, Sub};
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
+
+pub use leap_seconds::leap_seconds_at;
+pub(crate) use leap_seconds::{corrected_leap_seconds, leap_seconds_by};
 
 /// Seconds in a GPS week.
 pub const SECONDS_PER_WEEK: f64 = 604_800.0;

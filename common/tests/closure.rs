@@ -25,7 +25,7 @@ use cofix_common::orbit::{
     BiasFile, ClockFile, ClockRecord, CodeBias, GlonassEphemeris, KeplerEphemeris, NavigationMessage,
     Products, SatelliteState, Sp3, Sp3Position,
 };
-use cofix_common::rinex::{IonosphereTerms, NavigationFile};
+use cofix_common::orbit::{IonosphereTerms, NavigationFile};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use nalgebra::Vector3;

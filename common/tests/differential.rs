@@ -11,8 +11,8 @@ use cofix_common::measurement::{
     Applied, CorrectedObservation, CorrectionOptions, Corrector, Differential, DifferentialCounts,
     DifferentialOptions, Uncorrected,
 };
+use cofix_common::orbit::IonosphereTerms;
 use cofix_common::orbit::Products;
-use cofix_common::rinex::IonosphereTerms;
 use cofix_common::simulation::{PhoneOptions, Scenario, SimulatedEpoch, Simulation};
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;

@@ -7,14 +7,15 @@ mod beside;
 use std::sync::Arc;
 
 use beside::{pixel4_table, required};
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
 use cofix_common::gnss::{Constellation, ObservationEpoch};
 use cofix_common::measurement::{
     CorrectionOptions, Corrector, Differential, DifferentialCounts, DifferentialOptions, Uncorrected,
     without_position,
 };
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
-use cofix_common::rinex::{NavigationFile, ObservationFile};
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
 
@@ -249,7 +250,7 @@ fn a_base_of_thirty_seconds() {
 #[test]
 #[ignore = "needs the reference data"]
 fn a_phone_and_a_base_at_some_distance() {
-    use cofix_common::gsdc::{DerivedFile, ground_truth};
+    use cofix_common::formats::gsdc::{DerivedFile, ground_truth};
     use cofix_common::measurement::RecordedEpoch;
     let folder = "data/gsdc-2020-05-14-mtv1";
     let products = products(&format!("{folder}/hour1350.20n"));

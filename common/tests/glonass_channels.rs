@@ -9,8 +9,8 @@ use cofix_common::gnss::{
     Constellation, EpochFlag, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
 use cofix_common::measurement::{ChannelObservation, CorrectionOptions, Corrector};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{GlonassEphemeris, Products};
-use cofix_common::rinex::NavigationFile;
 use cofix_common::time::GpsTime;
 
 const RADIUS_M: f64 = 25_510e3;

@@ -7,9 +7,9 @@ mod beside;
 use std::fmt::Write as _;
 
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::gnsslogger::{BiasReference, GnssLoggerDecoder, Masks, Options, state};
 use cofix_common::gnss::{Constellation, ObservationEpoch};
-use cofix_common::gnsslogger::{BiasReference, GnssLoggerDecoder, Masks, Options, state};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 

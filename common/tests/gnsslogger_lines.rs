@@ -6,8 +6,8 @@ mod log_lines;
 
 use broadcast_words::PRN4;
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
-use cofix_common::decode::{Decoder, Record};
-use cofix_common::gnsslogger::{
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::gnsslogger::{
     FixProvider, GnssLoggerDecoder, Masks, ModularTime, Options, StateRule, StateRules, state,
 };
 use cofix_common::skips::Skips;

@@ -8,9 +8,9 @@ use std::fmt::Write as _;
 
 use broadcast_words::{C06, E01, c01, e01_fnav, r01};
 use cofix_common::atmosphere::KlobucharCoefficients;
-use cofix_common::decode::{Decoder, Record};
-use cofix_common::gnsslogger::GnssLoggerDecoder;
-use cofix_common::navbits::{
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::gnsslogger::GnssLoggerDecoder;
+use cofix_common::formats::navbits::{
     BeidouAssembler, GlonassAssembler, GlonassClock, GlonassLabel, GlonassName, ReceiverCheck,
 };
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, NavigationMessage};

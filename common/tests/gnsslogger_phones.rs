@@ -4,7 +4,7 @@
 
 mod log_lines;
 
-use cofix_common::gnsslogger::{Options, state};
+use cofix_common::formats::gnsslogger::{Options, state};
 use log_lines::{
     DAY_NS, HEADER, Line, TRAVEL_NS, WEEK_NS, decode, decode_with, gps, log, metres, only, refusal,
 };
@@ -261,7 +261,7 @@ const STATES: &str = "SvPositionEcefXMeters,SvPositionEcefYMeters,SvPositionEcef
 
 #[test]
 fn satellite_states_of_lines_go_with_their_epoch() {
-    use cofix_common::decode::{Decoder, Record};
+    use cofix_common::formats::decode::{Decoder, Record};
     let state = "1.5e7,-1e7,1.9e7,100.0,-2000.0,1500.0,-12345.5,0.25";
     let text = with_columns(
         STATES,
@@ -275,7 +275,7 @@ fn satellite_states_of_lines_go_with_their_epoch() {
             (gps(2), state),
         ],
     );
-    let mut decoder = cofix_common::gnsslogger::GnssLoggerDecoder::default();
+    let mut decoder = cofix_common::formats::gnsslogger::GnssLoggerDecoder::default();
     decoder.feed(text.as_bytes()).unwrap();
     decoder.finish().unwrap();
     let mut found = Vec::new();
@@ -318,7 +318,7 @@ fn klobuchar_terms_of_lines_stand_in_for_those_of_messages() {
 
 #[test]
 fn satellites_known_by_channel_are_kept_beside() {
-    use cofix_common::decode::Decoder;
+    use cofix_common::formats::decode::Decoder;
     let tod = (gps(0).gps_ns - TRAVEL_NS + 3 * 3_600 * SECOND_NS - 18 * SECOND_NS).rem_euclid(DAY_NS);
     let glonass = |svid, frequency| Line { system: 3, svid, state: 129, received: tod, frequency, ..gps(0) };
     let lines = [
@@ -330,7 +330,7 @@ fn satellites_known_by_channel_are_kept_beside() {
         glonass(104, "1575420000"),
     ];
     let text = log(&lines);
-    let mut decoder = cofix_common::gnsslogger::GnssLoggerDecoder::default();
+    let mut decoder = cofix_common::formats::gnsslogger::GnssLoggerDecoder::default();
     decoder.feed(text.as_bytes()).unwrap();
     decoder.finish().unwrap();
     assert!(decoder.next_record().is_some());

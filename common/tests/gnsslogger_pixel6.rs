@@ -10,10 +10,10 @@ mod beside;
 
 use beside::required;
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::gnsslogger::{GnssLoggerDecoder, Masks, Options};
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::gnss::{Observation, ObservationEpoch};
-use cofix_common::gnsslogger::{GnssLoggerDecoder, Masks, Options};
-use cofix_common::rinex::ObservationFile;
 use cofix_common::skips::Skips;
 
 const METRES_PER_NS: f64 = SPEED_OF_LIGHT_MPS * 1e-9;

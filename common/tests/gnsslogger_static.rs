@@ -5,9 +5,9 @@ mod beside;
 
 use std::collections::BTreeMap;
 
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::gnsslogger::{BiasReference, FixProvider, GnssLoggerDecoder, Masks, Options};
 use cofix_common::gnss::ObservationEpoch;
-use cofix_common::gnsslogger::{BiasReference, FixProvider, GnssLoggerDecoder, Masks, Options};
 
 const JUNE: &str = "pseudoranges_log_2016_06_30_21_26_07.txt";
 const AUGUST: &str = "pseudoranges_log_2016_08_22_14_45_50.txt";

@@ -1,8 +1,8 @@
 //! `Status` lines: what they say, what is refused of them, in any columns and portions.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use cofix_common::decode::Decoder;
-use cofix_common::gnsslogger::{GnssLoggerDecoder, SignalStatus};
+use cofix_common::formats::decode::Decoder;
+use cofix_common::formats::gnsslogger::{GnssLoggerDecoder, SignalStatus};
 use cofix_common::skips::Skips;
 use proptest::prelude::*;
 

@@ -9,12 +9,12 @@ use std::sync::Arc;
 use beside::pixel4_table as table;
 use cofix_common::accuracy::{Accuracy, Solution, score};
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
+use cofix_common::formats::gsdc::{DerivedFile, ground_truth};
 use cofix_common::frames::Ecef;
-use cofix_common::gsdc::{DerivedFile, ground_truth};
 use cofix_common::integrity::{RaimOptions, solve_with_raim};
 use cofix_common::measurement::{CorrectionOptions, Corrector, RecordedObservation, without_position};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
-use cofix_common::rinex::NavigationFile;
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
 

@@ -6,10 +6,10 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::gnsslogger::Masks;
+use cofix_common::formats::gsdc::{DerivedDecoder, DerivedFile, ground_truth, is_ground_truth};
 use cofix_common::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
-use cofix_common::gnsslogger::Masks;
-use cofix_common::gsdc::{DerivedDecoder, DerivedFile, ground_truth, is_ground_truth};
 use cofix_common::measurement::{CorrectionOptions, Corrector, Ionosphere, RecordedEpoch, without_position};
 use cofix_common::orbit::Products;
 use cofix_common::solve::solve_position;

@@ -6,11 +6,12 @@ mod beside;
 
 use std::sync::Arc;
 
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
 use cofix_common::gnss::{Constellation, ObservationEpoch};
 use cofix_common::measurement::{CorrectionOptions, Corrector, Ionosphere, without_position};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
-use cofix_common::rinex::{NavigationFile, ObservationFile};
 use cofix_common::solve::{Fit, solve_position};
 
 fn input(path: &str) -> Vec<u8> {

@@ -9,8 +9,8 @@ use std::f64::consts::PI;
 
 use beside::required;
 use broadcast_words::{E01, PRN4};
+use cofix_common::formats::navbits::{InavAssembler, LnavAssembler, ReceiverCheck};
 use cofix_common::gnss::SatelliteId;
-use cofix_common::navbits::{InavAssembler, LnavAssembler, ReceiverCheck};
 use cofix_common::orbit::KeplerEphemeris;
 use cofix_common::time::GpsTime;
 use navbits_encoder::{Bits, LnavFields, fields, integer, page, rinex2, unit};

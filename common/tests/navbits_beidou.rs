@@ -7,10 +7,10 @@ mod vectors;
 
 use broadcast_words::{C06, c01};
 use cofix_common::atmosphere::KlobucharCoefficients;
+use cofix_common::formats::navbits::{BeidouAssembler, ReceiverCheck};
 use cofix_common::gnss::{Constellation, SatelliteId};
-use cofix_common::navbits::{BeidouAssembler, ReceiverCheck};
 use cofix_common::orbit::KeplerEphemeris;
-use cofix_common::rinex::NavigationFile;
+use cofix_common::orbit::NavigationFile;
 use cofix_common::time::GpsTime;
 use navbits_encoder::beidou::{as_sent, d1, d2};
 use proptest::prelude::*;

@@ -8,10 +8,10 @@ mod navbits_encoder;
 
 use beside::required;
 use broadcast_words::e01_fnav as e01;
+use cofix_common::formats::navbits::{FnavAssembler, ReceiverCheck};
 use cofix_common::gnss::{Constellation, SatelliteId};
-use cofix_common::navbits::{FnavAssembler, ReceiverCheck};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{KeplerEphemeris, NavigationMessage};
-use cofix_common::rinex::NavigationFile;
 use cofix_common::time::GpsTime;
 use navbits_encoder::fnav::pages;
 use navbits_encoder::{Bits, remainder};

@@ -6,11 +6,11 @@ mod navbits_encoder;
 mod vectors;
 
 use broadcast_words::r01;
-use cofix_common::navbits::{
+use cofix_common::formats::navbits::{
     GlonassAssembler, GlonassClock, GlonassLabel, GlonassMessage, GlonassName, ReceiverCheck,
 };
 use cofix_common::orbit::GlonassEphemeris;
-use cofix_common::rinex::NavigationFile;
+use cofix_common::orbit::NavigationFile;
 use cofix_common::time::GpsTime;
 use navbits_encoder::Bits;
 use navbits_encoder::glonass::{Frame, at_the_low_end, strings, with_check_bits};

@@ -9,10 +9,12 @@ use std::io::Write as _;
 
 use cofix_common::accuracy::Truth;
 use cofix_common::atmosphere::Ionex;
-use cofix_common::decode::Decoder;
-use cofix_common::gnsslogger::GnssLoggerDecoder;
-use cofix_common::orbit::{Sp3, Sp3Error};
-use cofix_common::rinex::{NavigationFile, ObservationFile};
+use cofix_common::formats::decode::Decoder;
+use cofix_common::formats::gnsslogger::GnssLoggerDecoder;
+use cofix_common::formats::rinex::ObservationFile;
+use cofix_common::formats::sp3::Sp3Error;
+use cofix_common::orbit::NavigationFile;
+use cofix_common::orbit::Sp3;
 use cofix_common::time::GpsTime;
 use flate2::{Compression, write::GzEncoder};
 use hatanaka_encoder::encode;

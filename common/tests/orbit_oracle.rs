@@ -6,8 +6,8 @@ mod vectors;
 
 use cofix_common::constants::EARTH_ROTATION_RADPS;
 use cofix_common::gnss::SatelliteId;
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{Products, SatelliteState, Sp3};
-use cofix_common::rinex::NavigationFile;
 use vectors::beside::required;
 use vectors::{Table, distance_m, glonass, kepler};
 

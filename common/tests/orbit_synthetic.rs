@@ -5,8 +5,8 @@
 use std::fmt::Write as _;
 
 use cofix_common::gnss::{Constellation, SatelliteId, SignalCode};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{ClockReference, KeplerEphemeris, NavigationMessage, OrbitError, Products, Sp3};
-use cofix_common::rinex::NavigationFile;
 use cofix_common::time::GpsTime;
 use proptest::prelude::*;
 

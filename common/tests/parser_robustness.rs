@@ -4,9 +4,10 @@
 
 use std::fmt::Write as _;
 
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::gnss::{Observation, SatelliteId};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{Products, Sp3};
-use cofix_common::rinex::{NavigationFile, ObservationFile};
 use cofix_common::time::GpsTime;
 use proptest::prelude::*;
 

@@ -5,11 +5,11 @@
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::frames::Ecef;
 use cofix_common::gnss::{Constellation, SatelliteId, SignalCode};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{
     BiasFile, ClockFile, ClockRecord, ClockReference, CodeBias, KeplerEphemeris, NavigationMessage, Products,
     Sp3, Sp3Position,
 };
-use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 

@@ -7,8 +7,9 @@ mod beside;
 use std::fmt::Write as _;
 
 use beside::required;
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::gnss::{Constellation, EpochFlag, Observation, ObservationEpoch};
-use cofix_common::rinex::{NavigationFile, ObservationFile};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::time::GpsTime;
 
 fn find(epoch: &ObservationEpoch, satellite: &str, signal: &str) -> Observation {

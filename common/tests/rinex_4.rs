@@ -5,9 +5,10 @@
 mod beside;
 
 use beside::required;
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::rinex::{NavigationDecoder, ObservationFile};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
-use cofix_common::rinex::{NavigationDecoder, NavigationFile, ObservationFile};
 
 const GPS: &str = "G01 2020 06 25 04 00 00 1.604342833161e-05 7.048583938740e-12 0.000000000000e+00
      5.800000000000e+01-3.968750000000e+01 4.304822170265e-09 6.342094507864e-01

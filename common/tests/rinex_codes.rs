@@ -7,8 +7,8 @@ mod hatanaka_encoder;
 
 use std::fmt::Write as _;
 
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::gnss::{Misnamed, NO_SUCH_SIGNAL, NOT_OF_ITS_GENERATION};
-use cofix_common::rinex::ObservationFile;
 use hatanaka_encoder::encode;
 
 const MISNAMED: &str = "BeiDou code of band 1 that can be B1I alone in this RINEX version, taken for it";

@@ -6,9 +6,9 @@ mod beside;
 mod hatanaka_encoder;
 
 use beside::required;
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
+use cofix_common::formats::rinex::{ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo};
 use cofix_common::gnss::{Constellation, CycleSlip, Event, EventKind, SatelliteId, SignalCode};
-use cofix_common::rinex::{ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo};
 use cofix_common::time::GpsTime;
 use hatanaka_encoder::encode;
 use proptest::prelude::*;

@@ -5,8 +5,9 @@
 mod beside;
 
 use beside::required;
+use cofix_common::formats::rinex::{ObservationDecoder, ObservationFile, RinexError};
 use cofix_common::gnss::{EpochFlag, Observation, ObservationEpoch};
-use cofix_common::rinex::{NavigationFile, ObservationDecoder, ObservationFile, RinexError};
+use cofix_common::orbit::NavigationFile;
 
 #[test]
 #[ignore = "needs the reference data"]

@@ -8,8 +8,9 @@ mod hatanaka_encoder;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use cofix_common::decode::{Decoder, Record};
-use cofix_common::rinex::{ObservationDecoder, ObservationFile, decompress};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::packing::decompress;
+use cofix_common::formats::rinex::{ObservationDecoder, ObservationFile};
 use hatanaka_encoder::encode;
 use proptest::prelude::*;
 

@@ -4,8 +4,9 @@
 
 mod hatanaka_encoder;
 
-use cofix_common::decode::Decoder;
-use cofix_common::rinex::{NavigationDecoder, NavigationFile, ObservationFile};
+use cofix_common::formats::decode::Decoder;
+use cofix_common::formats::rinex::{NavigationDecoder, ObservationFile};
+use cofix_common::orbit::NavigationFile;
 use hatanaka_encoder::encode;
 
 const AGAIN: &str = "another header, which holds from there on";

@@ -3,12 +3,12 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)] // helpers of tests
 
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::lines::MAX_LINE_BYTES;
+use cofix_common::formats::rinex::{NavigationDecoder, ObservationDecoder, ObservationFile};
 use cofix_common::gnss::Observation;
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris};
-use cofix_common::rinex::{
-    MAX_LINE_BYTES, NavigationDecoder, NavigationFile, ObservationDecoder, ObservationFile,
-};
 use cofix_common::skips::Skips;
 use proptest::prelude::*;
 

@@ -5,15 +5,16 @@
 mod beside;
 
 use beside::required;
+use cofix_common::formats::rinex::{
+    ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, navigation_header,
+    navigation_record,
+};
 use cofix_common::frames::{Ecef, EcefVector};
 use cofix_common::gnss::{
     Constellation, EpochFlag, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, UNKNOWN_ACCURACY_M};
-use cofix_common::rinex::{
-    IonosphereTerms, NavigationFile, ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo,
-    glonass_record, navigation_header, navigation_record,
-};
+use cofix_common::orbit::{IonosphereTerms, NavigationFile};
 use cofix_common::time::GpsTime;
 use nalgebra::Vector3;
 use proptest::prelude::*;

@@ -5,7 +5,7 @@
 
 mod rtcm_support;
 
-use cofix_common::rtcm::DatingHint;
+use cofix_common::formats::rtcm::DatingHint;
 use cofix_common::time::GpsTime;
 use rtcm_support::dates::{
     BEIDOU, DAY_S, GALILEO, GLONASS, GPS, WEEK_S, at, glonass, glonass_ephemeris, gps, observed, others,

@@ -6,9 +6,9 @@ mod rtcm_support;
 
 use std::f64::consts::PI;
 
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::orbit::{KeplerEphemeris, NavigationMessage, is_healthy};
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::time::GpsTime;
 use rtcm_rs::Message;
 use rtcm_rs::msg::{Msg1019T, Msg1042T, Msg1044T, Msg1045T, Msg1046T};

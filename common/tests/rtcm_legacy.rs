@@ -5,8 +5,8 @@
 mod rtcm_support;
 
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
-use cofix_common::decode::{Decoder, Record};
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
 use rtcm_rs::Message;
 use rtcm_rs::msg::{GpsSigId, Msg1074Data, Msg1074Sig, Msg1074T, Msm46Sat};
 use rtcm_support::legacy::{

@@ -5,10 +5,10 @@
 mod beside;
 
 use beside::required;
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::rinex::ObservationFile;
+use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::gnss::{Observation, ObservationEpoch};
-use cofix_common::rinex::ObservationFile;
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
 
 fn decode(bytes: &[u8], portion: usize) -> (Vec<ObservationEpoch>, Skips) {

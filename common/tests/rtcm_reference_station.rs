@@ -4,9 +4,9 @@
 
 mod rtcm_support;
 
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions, Station};
 use cofix_common::orbit::GlonassEphemeris;
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions, Station};
 use cofix_common::skips::Skips;
 use rtcm_support::{NOW, Writer, decode, frame_of};
 

@@ -5,9 +5,9 @@
 mod rtcm_support;
 
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::gnss::{Observation, ObservationEpoch};
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use proptest::prelude::*;

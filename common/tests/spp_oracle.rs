@@ -15,11 +15,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use cofix_common::atmosphere::klobuchar_delay_l1_m;
+use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::frames::{Ecef, LocalFrame};
 use cofix_common::gnss::{ClockGroup, Constellation, ObservationEpoch, SatelliteId};
 use cofix_common::measurement::{CorrectedObservation, CorrectionOptions, Corrector};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{NavigationMessage, Products};
-use cofix_common::rinex::{NavigationFile, ObservationFile};
 use cofix_common::solve::{Fit, solve_position};
 use cofix_common::time::GpsTime;
 

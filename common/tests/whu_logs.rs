@@ -2,11 +2,11 @@
 
 #![allow(clippy::unwrap_used, clippy::indexing_slicing)] // helpers of tests
 
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::whu::{SpareLogDecoder, StatedSigmas};
 use cofix_common::gnss::{Observation, ObservationEpoch};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
-use cofix_common::whu::{SpareLogDecoder, StatedSigmas};
 
 type Stated = Vec<StatedSigmas>;
 

@@ -7,11 +7,12 @@ mod beside;
 use std::collections::BTreeMap;
 
 use cofix_common::accuracy::Truth;
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::packing::decompress;
+use cofix_common::formats::rinex::ObservationFile;
+use cofix_common::formats::whu::{SpareLogDecoder, StatedSigmas, truth_table};
 use cofix_common::gnss::{Observation, ObservationEpoch, SatelliteId, SignalCode};
-use cofix_common::rinex::{ObservationFile, decompress};
 use cofix_common::time::GpsTime;
-use cofix_common::whu::{SpareLogDecoder, StatedSigmas, truth_table};
 
 const LOGS: [(&str, &str, usize); 4] = [
     ("XIM8", "2020_08_13_22_31_47.402_spare_log_XIM8", 13_514),

@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used)] // helpers of tests
 
 use cofix_common::accuracy::{Truth, TruthError};
+use cofix_common::formats::whu::{is_truth_table, truth_table};
 use cofix_common::frames::LocalFrame;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
-use cofix_common::whu::{is_truth_table, truth_table};
 
 const HEADER: &str = "   GPSTime         Latitude        Longitude      H-Ell      Vel-N      Vel-E    Vel-U   Q\r\n     (sec)            (Deg)            (Deg)        (m)      (m/s)      (m/s)    (m/s)  \r\n";
 const EXCHANGED: &str = "velocities north and east stand in each other's column, exchanged";

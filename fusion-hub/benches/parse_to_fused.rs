@@ -10,13 +10,14 @@ mod beside;
 use std::sync::Arc;
 use std::time::Duration;
 
-use cofix_agent::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::constraint::Constraint;
+use cofix_common::formats::rinex::ObservationFile;
+use cofix_common::fusion::align::{AlignOptions, Aligner};
+use cofix_common::fusion::engine::{Engine, EngineOptions, ScheduledConstraint};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{Products, Sp3};
-use cofix_common::rinex::{NavigationFile, ObservationFile};
+use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::wire::EpochMessage;
-use cofix_hub::align::{AlignOptions, Aligner};
-use cofix_hub::engine::{Engine, EngineOptions, ScheduledConstraint};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 
 const PHONES: [&str; 4] = ["HP30", "HP20", "VX30", "XIM8"];

@@ -10,13 +10,13 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use cofix_agent::pipeline::PhonePipeline;
 use cofix_agent::{ProductSource, Source};
 use cofix_common::accuracy::Accuracy;
+use cofix_common::fusion::align::{AlignOptions, Aligner};
+use cofix_common::fusion::engine::Engine;
+use cofix_common::pipeline::PhonePipeline;
 use cofix_common::simulation::Scenario;
-use cofix_hub::align::{AlignOptions, Aligner};
 use cofix_hub::demo;
-use cofix_hub::engine::Engine;
 use cofix_hub::replay::Plan;
 use cofix_hub::scores::{Methods, Scores};
 use cofix_hub::simulate::Kind;

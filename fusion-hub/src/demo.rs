@@ -8,10 +8,10 @@ use cofix_common::accuracy::{Truth, TruthPoint};
 use cofix_common::simulation::{Scenario, Simulation};
 use cofix_common::skips::Skips;
 
-use crate::engine::ScheduledConstraint;
 use crate::replay::{Plan, PlannedPhone};
 use crate::session::Settings;
 use crate::simulate::Kind;
+use cofix_common::fusion::engine::ScheduledConstraint;
 
 /// Truth rows of a simulation count as fixed.
 pub(crate) const QUALITY: u8 = 1;

@@ -13,13 +13,13 @@ use cofix_agent::{Stop, source};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
-use crate::align::{Aligner, NoticeKind};
-use crate::engine::Engine;
 use crate::intake::{Answer, Arrival, Intake, Notice};
 use crate::network::{Event, HistoryQuestions, Receipts};
 use crate::outputs::Outputs;
 use crate::recovery::Recovery;
 use crate::report::Report;
+use cofix_common::fusion::align::{Aligner, NoticeKind};
+use cofix_common::fusion::engine::Engine;
 
 use steady::Steady;
 

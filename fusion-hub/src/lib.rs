@@ -7,10 +7,8 @@
 //! Zenoh's threads only put bytes into a bounded channel; one thread does everything else, in [`group`]. What it computes
 //! depends on the messages of each phone and not on how those of different phones interleave.
 
-pub mod align;
 pub mod attention;
 pub mod demo;
-pub mod engine;
 pub mod files;
 pub mod group;
 pub mod intake;

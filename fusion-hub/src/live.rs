@@ -7,8 +7,6 @@ use cofix_agent::status::Moment;
 use cofix_agent::{Stop, source};
 use zenoh::qos::CongestionControl;
 
-use crate::align::{AlignOptions, Aligner};
-use crate::engine::Engine;
 use crate::group::{Course, Group, Parts};
 use crate::network::Network;
 use crate::outputs::Outputs;
@@ -16,6 +14,8 @@ use crate::replay::{Outcome, outcome, read_truths_counted};
 use crate::report::SettingsReport;
 use crate::scores::Scores;
 use crate::session::Session;
+use cofix_common::fusion::align::{AlignOptions, Aligner};
+use cofix_common::fusion::engine::Engine;
 
 /// How long an epoch waits to be written to the recording.
 const RECORDING_AGE: Duration = Duration::from_secs(10);

@@ -12,13 +12,13 @@ use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::wire::FusedMessage;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::engine::FusedEpoch;
 use crate::network::FusedPublisher;
 use crate::positions::PositionTable;
 use crate::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
 use crate::report::{Report, SCHEMA, Tally};
 use crate::scores::Scores;
 use crate::status::Status;
+use cofix_common::fusion::engine::FusedEpoch;
 use recording::RecordingFile;
 
 /// All consumers of fused epochs.

@@ -23,8 +23,8 @@ use cofix_common::integrity::Verdict;
 use cofix_common::wire::EpochMessage;
 use nalgebra::Matrix3;
 
-use crate::engine::FusedEpoch;
 use crate::report::satellites_used;
+use cofix_common::fusion::engine::FusedEpoch;
 
 /// The columns.
 pub const COLUMNS: [&str; 19] = [
@@ -140,7 +140,7 @@ mod tests {
     use nalgebra::{SMatrix, SVector};
 
     use super::*;
-    use crate::engine::FusedPhone;
+    use cofix_common::fusion::engine::FusedPhone;
 
     fn epoch(time_gps: GpsTime, state: Option<PhoneState>, verdict: Option<Verdict>) -> FusedEpoch {
         let message = verdict.map(|verdict| EpochMessage {

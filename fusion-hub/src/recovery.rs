@@ -7,7 +7,7 @@
 //! - What the agent says that it does not keep any more is given up; so is, live, a gap before later epochs that stays without progress for
 //!   as long as the group waits for a phone.
 //!
-//! The group waits for a phone whose gap is being closed as for any other ([`crate::align`]). For one that it does not wait for, a gap that takes
+//! The group waits for a phone whose gap is being closed as for any other ([`cofix_common::fusion::align`]). For one that it does not wait for, a gap that takes
 //! longer than that ([`Recovery::slow`]) is given up: its newest epochs count.
 
 use std::collections::BTreeMap;

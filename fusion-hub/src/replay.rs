@@ -7,21 +7,19 @@ use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
 use cofix_agent::masks::{LogOptions, MaskError};
-use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::source::{self, Reading};
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
 use cofix_common::accuracy::Truth;
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
+use cofix_common::formats::packing::decompress;
+use cofix_common::formats::{gnsslogger, gsdc, whu};
 use cofix_common::measurement::Exclusion;
-use cofix_common::rinex::decompress;
+use cofix_common::pipeline::PipelineOptions;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
-use cofix_common::{gnsslogger, gsdc, whu};
 use zenoh::qos::CongestionControl;
 
-use crate::align::{AlignOptions, Aligner};
 use crate::attention;
-use crate::engine::{Engine, ScheduledConstraint};
 use crate::group::{Course, Group, Parts};
 use crate::network::{Event, Network};
 use crate::outputs::{Finished, Outputs};
@@ -29,6 +27,8 @@ use crate::recorder::Recorded;
 use crate::report::{Report, SettingsReport};
 use crate::scores::Scores;
 use crate::session::{Session, SessionPhone, Settings};
+use cofix_common::fusion::align::{AlignOptions, Aligner};
+use cofix_common::fusion::engine::{Engine, ScheduledConstraint};
 
 /// A port on loopback that the system chooses.
 const LOOPBACK: &str = "tcp/127.0.0.1:0";

@@ -9,7 +9,7 @@ mod tally;
 
 use std::collections::BTreeMap;
 
-use cofix_agent::phone::Typical;
+use cofix_common::formats::phone::Typical;
 use cofix_common::skips::Skips;
 use serde::Serialize;
 

@@ -8,8 +8,8 @@ use cofix_common::frames::Ecef;
 use cofix_common::time::GpsTime;
 use serde::Serialize;
 
-use crate::engine::{FusedEpoch, FusedPhone};
 use crate::recorder::Reference;
+use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
 
 /// Accuracy by phone; `None` for a phone that cannot be scored.
 pub type ByPhone = BTreeMap<String, Option<Accuracy>>;

@@ -68,14 +68,14 @@ use std::path::{Path, PathBuf};
 
 pub use cofix_agent::ProductFiles;
 use cofix_agent::masks::{LogOptions, MaskError, Masks};
-use cofix_agent::pipeline::PipelineOptions;
 use cofix_agent::{CorrectionSource, Corrections};
 use cofix_common::frames::Ecef;
 use cofix_common::measurement::{Exclusion, Ionosphere};
+use cofix_common::pipeline::PipelineOptions;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::check_name;
 
-use crate::engine::{EngineOptions, ScheduledConstraint};
+use cofix_common::fusion::engine::{EngineOptions, ScheduledConstraint};
 pub use text::Preset;
 
 /// A session that makes sense.

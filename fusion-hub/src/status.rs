@@ -6,8 +6,8 @@ use std::time::Duration;
 use cofix_agent::status::{Board, Moment, Pulse};
 use cofix_common::constraint::{ConstraintOutcome, SkipReason};
 
-use crate::engine::FusedEpoch;
 use crate::report::describe;
+use cofix_common::fusion::engine::FusedEpoch;
 
 /// A constraint that stays contradicted is named at most as often.
 const QUIET: Duration = Duration::from_mins(1);
@@ -98,7 +98,7 @@ mod tests {
     use cofix_common::wire::EpochMessage;
 
     use super::*;
-    use crate::engine::FusedPhone;
+    use cofix_common::fusion::engine::FusedPhone;
 
     fn at(seconds: f64) -> GpsTime {
         GpsTime::from_week_tow(2118, 397_000.0) + seconds

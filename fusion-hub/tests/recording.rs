@@ -8,9 +8,9 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use cofix_common::frames::Ecef;
+use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::integrity::Verdict;
 use cofix_common::measurement::Usage;
-use cofix_hub::engine::FusedEpoch;
 use cofix_hub::recorder::{APPLICATION_ID, Recorded, Recorder, RecorderError, Reference, TIMELINE};
 use rerun::external::re_log_types::StoreId;
 use rerun::log::Chunk;

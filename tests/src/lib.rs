@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use anyhow::Context;
 use cofix_agent::{AgentConfig, AgentError, AgentReport, ProductSource, Stop, link};
+use cofix_common::fusion::align::{AlignOptions, Aligner};
+use cofix_common::fusion::engine::Engine;
 use cofix_common::simulation::{PhoneOptions, Scenario};
-use cofix_hub::align::{AlignOptions, Aligner};
-use cofix_hub::engine::Engine;
 use cofix_hub::group::{Course, Group, Parts};
 use cofix_hub::network::Network;
 use cofix_hub::outputs::Outputs;

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use cofix_agent::{ProductFiles, ProductSource, Source, Speed, Stop};
 use cofix_common::constraint::Constraint;
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
-use cofix_common::rinex::NavigationFile;
 use cofix_common::simulation::PhoneOptions;
 use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
 use cofix_tests::{limits, plan_of, small_plan};

@@ -4,10 +4,10 @@
 
 use std::sync::Arc;
 
-use cofix_agent::pipeline::PhonePipeline;
 use cofix_agent::{ProductSource, Source, Stop, source};
 use cofix_common::accuracy::Accuracy;
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
+use cofix_common::pipeline::PhonePipeline;
 use cofix_common::simulation::Scenario;
 use cofix_common::wire::EpochMessage;
 use cofix_hub::demo;

@@ -4,12 +4,12 @@ mod overlap;
 
 use std::path::{Path, PathBuf};
 
-use cofix_common::decode::Record;
-use cofix_common::rinex::{
-    ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, leap_seconds_at, navigation_header,
-    navigation_record,
+use cofix_common::formats::decode::Record;
+use cofix_common::formats::rinex::{
+    ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, navigation_header, navigation_record,
 };
 use cofix_common::skips::Skips;
+use cofix_common::time::leap_seconds_at;
 use cofix_common::time::{Calendar, GpsTime};
 
 use self::overlap::Overlap;

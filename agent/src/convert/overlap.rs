@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
 use cofix_common::time::GpsTime;
 
 /// A recording against those before it.

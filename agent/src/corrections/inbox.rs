@@ -5,7 +5,7 @@ use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
 use cofix_common::frames::{Ecef, Geodetic};
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::measurement::DifferentialOptions;

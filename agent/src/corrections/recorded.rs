@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::path::Path;
 
-use cofix_common::rinex::Packing;
+use cofix_common::formats::packing::Packing;
 
 use super::{Bytes, PORTION_BYTES, Portion};
 use crate::Stop;

@@ -12,7 +12,7 @@ mod trial;
 use std::fmt;
 use std::path::Path;
 
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
 use cofix_common::gnss::{EpochFlag, ObservationEpoch};
 use cofix_common::measurement::CorrectionOptions;
 use cofix_common::skips::Skips;
@@ -27,11 +27,11 @@ pub use signals::{ConstellationReport, SignalReport, Spread};
 pub use steps::{Gap, Gaps};
 pub use trial::Trial;
 
-use crate::format::Format;
-use crate::phone::PhoneReport;
 use crate::products::{Loaded, NAVIGATION, OwnNavigation, is_navigation_file};
 use crate::source::{self, Reading, SourceError};
 use crate::{ProductSource, Stop};
+use cofix_common::formats::format::Format;
+use cofix_common::formats::phone::PhoneReport;
 
 /// Gaps and jumps listed one by one; the rest is counted.
 const LISTED: usize = 20;

@@ -5,8 +5,8 @@ use std::fmt;
 use std::path::Path;
 
 use cofix_common::gnss::{Constellation, SatelliteId};
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{NavigationMessage, is_healthy};
-use cofix_common::rinex::NavigationFile;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use serde::Serialize;

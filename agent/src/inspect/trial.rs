@@ -11,9 +11,9 @@ use cofix_common::skips::Skips;
 use serde::Serialize;
 
 use super::directions::{DirectionReport, Directions};
-use crate::pipeline::{PhonePipeline, PipelineOptions};
 use crate::products::note_shortcomings;
 use crate::records::Records;
+use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 
 /// Counts of a run of the pipeline over all epochs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -2,9 +2,9 @@
 
 use serde::Deserialize;
 
+use crate::formats::text::content;
 use crate::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use crate::skips::Skips;
-use crate::text::content;
 use crate::time::GpsTime;
 
 /// A reference trajectory in order of time.

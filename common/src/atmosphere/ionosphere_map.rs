@@ -10,6 +10,7 @@ use super::map_axis::Axis;
 use super::shell::Shell;
 use crate::constants::WGS84_FLATTENING;
 use crate::frames::{Direction, Geodetic};
+use crate::skips::Skips;
 use crate::time::GpsTime;
 
 /// Group delay of a signal: 40.3 m³/s² times the electrons per m² over the frequency squared; a TEC unit is 10¹⁶ electrons per m².
@@ -36,9 +37,18 @@ pub struct IonosphereMap {
     tec_tecu: Vec<f64>,
 }
 
+/// A whole IONEX file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ionex {
+    /// Maps in order of time.
+    pub maps: Vec<IonosphereMap>,
+    /// What was skipped.
+    pub skips: Skips,
+}
+
 impl IonosphereMap {
     /// A map on a grid of latitudes and longitudes; contents by latitude, then longitude, NaN where missing.
-    pub(super) const fn new(
+    pub(crate) const fn new(
         time: GpsTime,
         shell: Shell,
         (latitudes, longitudes): (Axis, Axis),

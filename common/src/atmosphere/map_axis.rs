@@ -8,7 +8,7 @@ const TOLERANCE: f64 = 1e-6;
 const POLAR_CAP_DEG: f64 = 85.0;
 
 /// Two grid lines with their weights.
-pub(super) type Cell = [(usize, f64); 2];
+pub(crate) type Cell = [(usize, f64); 2];
 
 /// Grid lines at equal steps, which may be negative.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +20,7 @@ pub struct Axis {
 
 impl Axis {
     /// From first, last and step, degrees. `None` unless the steps lead from one to the other.
-    pub(super) fn from_degrees([first_deg, last_deg, step_deg]: [f64; 3]) -> Option<Self> {
+    pub(crate) fn from_degrees([first_deg, last_deg, step_deg]: [f64; 3]) -> Option<Self> {
         let steps = (last_deg - first_deg) / step_deg;
         let whole = (steps - steps.round()).abs() < 1e-3 && (1.0..MAX_LINES).contains(&steps.round());
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 1 and the limit
@@ -28,7 +28,7 @@ impl Axis {
     }
 
     /// Number of lines.
-    pub(super) const fn count(&self) -> usize {
+    pub(crate) const fn count(&self) -> usize {
         self.count
     }
 
@@ -37,12 +37,12 @@ impl Axis {
     }
 
     /// Whether all lines are between −limit and limit, degrees.
-    pub(super) fn stays_within(&self, limit_deg: f64) -> bool {
+    pub(crate) fn stays_within(&self, limit_deg: f64) -> bool {
         self.first_deg.abs() <= limit_deg && self.last_deg().abs() <= limit_deg + TOLERANCE
     }
 
     /// The line at a value.
-    pub(super) fn index_of_degrees(&self, value_deg: f64) -> Option<usize> {
+    pub(crate) fn index_of_degrees(&self, value_deg: f64) -> Option<usize> {
         let steps = (value_deg - self.first_deg) / self.step_deg;
         let index = self.index(steps.round())?;
         ((steps - steps.round()).abs() < 1e-3 && index < self.count).then_some(index)
@@ -55,7 +55,7 @@ impl Axis {
     }
 
     /// The lines around a latitude. Beyond the outermost parallels of a map that reaches the polar caps these serve.
-    pub(super) fn latitude_cell(&self, latitude_deg: f64) -> Option<Cell> {
+    pub(crate) fn latitude_cell(&self, latitude_deg: f64) -> Option<Cell> {
         let (low, high) = (self.first_deg.min(self.last_deg()), self.first_deg.max(self.last_deg()));
         let low_end = if low <= -POLAR_CAP_DEG { -90.0 } else { low };
         let high_end = if high >= POLAR_CAP_DEG { 90.0 } else { high };
@@ -64,7 +64,7 @@ impl Axis {
     }
 
     /// The lines around a longitude, over the date line too when the map goes all around.
-    pub(super) fn longitude_cell(&self, longitude_deg: f64) -> Option<Cell> {
+    pub(crate) fn longitude_cell(&self, longitude_deg: f64) -> Option<Cell> {
         let around = 360.0 / self.step_deg.abs();
         let steps = ((longitude_deg - self.first_deg) / self.step_deg).rem_euclid(around);
         let is_closed = (around - around.round()).abs() < TOLERANCE && self.count as f64 + 0.5 > around;

@@ -4,7 +4,6 @@
 //! Neither knows the weather of the day: expect half of the ionosphere (IS-GPS-200 says 50 % rms) and a few
 //! centimetres of zenith troposphere to remain. Maps (IONEX) know the ionosphere of the day to a few TEC units.
 
-mod ionex;
 mod ionosphere_map;
 mod klobuchar;
 mod klobuchar_beidou;
@@ -12,9 +11,10 @@ mod map_axis;
 mod saastamoinen;
 mod shell;
 
-pub use ionex::{Ionex, IonexError};
-pub use ionosphere_map::{IonosphereMap, IonosphereMaps, NoTec};
+pub use ionosphere_map::{Ionex, IonosphereMap, IonosphereMaps, NoTec};
 pub(crate) use klobuchar::scale_delay;
 pub use klobuchar::{KlobucharCoefficients, klobuchar_delay_l1_m, scale_from_l1};
 pub use klobuchar_beidou::{B1I_HZ, beidou_klobuchar_delay_b1i_m};
+pub(crate) use map_axis::Axis;
 pub use saastamoinen::{STANDARD_RELATIVE_HUMIDITY, saastamoinen_delay_m};
+pub(crate) use shell::Shell;

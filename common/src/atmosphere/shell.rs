@@ -13,29 +13,29 @@ pub struct Shell {
 
 /// Where a signal crosses a shell.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PiercePoint {
-    pub(super) latitude_rad: f64,
+pub(crate) struct PiercePoint {
+    pub(crate) latitude_rad: f64,
     /// Not reduced to one turn.
-    pub(super) longitude_rad: f64,
+    pub(crate) longitude_rad: f64,
     /// 1 / cos z': how much longer the path through the shell is than a vertical one.
-    pub(super) slant: f64,
+    pub(crate) slant: f64,
 }
 
 impl Shell {
     /// From the radius of the sphere that heights are above, and the shell's height.
-    pub(super) const fn new(base_radius_m: f64, height_m: f64) -> Self {
+    pub(crate) const fn new(base_radius_m: f64, height_m: f64) -> Self {
         Self { base_radius_m, height_m }
     }
 
     /// The same in kilometres, as files have them; `None` for impossible ones.
-    pub(super) fn from_kilometres(base_radius_km: f64, height_km: f64) -> Option<Self> {
+    pub(crate) fn from_kilometres(base_radius_km: f64, height_km: f64) -> Option<Self> {
         let possible = (6_000.0..=7_000.0).contains(&base_radius_km) && (50.0..=2_000.0).contains(&height_km);
         possible.then_some(Self::new(base_radius_km * 1e3, height_km * 1e3))
     }
 
     /// Where a signal crosses the shell that comes to a receiver at a latitude and longitude on the sphere, rad. An elevation below
     /// the horizon counts as the horizon.
-    pub(super) fn pierce(
+    pub(crate) fn pierce(
         self,
         (latitude_rad, longitude_rad): (f64, f64),
         direction: Direction,

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use super::bias_file::{BiasFile, CodeBias};
+use super::records::{BiasFile, CodeBias};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::time::GpsTime;

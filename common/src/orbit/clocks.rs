@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::clock_file::{ClockFile, ClockRecord};
+use super::records::{ClockFile, ClockRecord};
 use crate::gnss::SatelliteId;
 use crate::time::GpsTime;
 

@@ -92,7 +92,7 @@ const fn fallback_reason(maps: Option<NoTec>, has_model: bool) -> Option<&'stati
 mod tests {
     use super::*;
     use crate::atmosphere::KlobucharCoefficients;
-    use crate::rinex::{IonosphereTerms, NavigationFile};
+    use crate::orbit::{IonosphereTerms, NavigationFile};
 
     const L1_HZ: f64 = 1_575.42e6;
 

@@ -2,10 +2,8 @@
 //! delays from biases (Bias-SINEX) or navigation messages.
 
 mod accuracy_index;
-mod bias_file;
 mod biases;
 mod broadcast;
-mod clock_file;
 mod clocks;
 mod glonass;
 mod group_delay;
@@ -13,19 +11,19 @@ mod ionosphere;
 mod kepler;
 mod precise;
 mod products;
-mod sp3;
+mod records;
 
 pub use accuracy_index::{UNKNOWN_ACCURACY_M, sisa_m, ura_m};
-pub use bias_file::{BiasFile, BiasFileError, CodeBias};
 pub use broadcast::is_healthy;
-pub use clock_file::{ClockFile, ClockFileError, ClockRecord};
 pub use glonass::GlonassEphemeris;
 pub(crate) use glonass::{RADIUS_BOUNDS_M, SPEED_BOUNDS_MPS, accuracy_m};
 pub use ionosphere::LineOfSight;
 pub use kepler::{KeplerEphemeris, NavigationMessage};
 pub use precise::{MAX_NODES, MIN_NODES};
 pub use products::Products;
-pub use sp3::{Sp3, Sp3Error, Sp3Position};
+pub use records::{
+    BiasFile, ClockFile, ClockRecord, CodeBias, IonosphereTerms, NavigationFile, Sp3, Sp3Position,
+};
 
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::SatelliteId;

@@ -7,7 +7,7 @@
 use nalgebra::Vector3;
 
 use super::clocks::ClockState;
-use super::sp3::Sp3Position;
+use super::records::Sp3Position;
 use super::{ClockReference, OrbitError, SatelliteState};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Ecef, EcefVector};

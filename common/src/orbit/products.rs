@@ -10,12 +10,11 @@ use super::glonass::GlonassOrbit;
 use super::group_delay::{GroupDelays, glonass_correction_m};
 use super::precise::PreciseOrbit;
 use super::{
-    BiasFile, ClockFile, ClockReference, GlonassEphemeris, KeplerEphemeris, OrbitError, SatelliteState, Sp3,
-    Sp3Position,
+    BiasFile, ClockFile, ClockReference, GlonassEphemeris, KeplerEphemeris, NavigationFile, OrbitError,
+    SatelliteState, Sp3, Sp3Position,
 };
 use crate::atmosphere::{IonosphereMaps, KlobucharCoefficients};
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
-use crate::rinex::NavigationFile;
 use crate::time::GpsTime;
 
 /// Places for satellites: a hundred numbers in each of seven systems.

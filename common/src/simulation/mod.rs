@@ -63,8 +63,8 @@ pub use street::{Canyon, Facade};
 
 use crate::atmosphere::KlobucharCoefficients;
 use crate::gnss::SatelliteId;
+use crate::orbit::{IonosphereTerms, NavigationFile};
 use crate::orbit::{KeplerEphemeris, Products, SatelliteState};
-use crate::rinex::{IonosphereTerms, NavigationFile};
 use crate::time::GpsTime;
 
 use random::Streams;

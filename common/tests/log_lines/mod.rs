@@ -3,9 +3,9 @@
 #![allow(dead_code, clippy::unwrap_used, clippy::panic)] // not every test uses everything; helpers of tests
 
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
-use cofix_common::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::gnsslogger::{GnssLoggerDecoder, Options};
 use cofix_common::gnss::{Observation, ObservationEpoch};
-use cofix_common::gnsslogger::{GnssLoggerDecoder, Options};
 use cofix_common::orbit::KeplerEphemeris;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;

@@ -1,7 +1,7 @@
 //! Streams with a date: observations of one satellite, ephemerides with their week.
 
-use cofix_common::decode::{Decoder, Record};
-use cofix_common::rtcm::{Dating, DatingHint, RtcmDecoder, RtcmOptions, StreamDates};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::rtcm::{Dating, DatingHint, RtcmDecoder, RtcmOptions, StreamDates};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use rtcm_rs::Message;

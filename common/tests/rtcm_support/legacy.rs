@@ -1,6 +1,6 @@
 //! Legacy observation messages, written bit by bit.
 
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
 use cofix_common::gnss::{Observation, ObservationEpoch};
 use cofix_common::skips::Skips;
 use rtcm_rs::util::DataVec;

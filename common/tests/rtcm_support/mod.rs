@@ -5,8 +5,8 @@
 pub mod dates;
 pub mod legacy;
 
-use cofix_common::decode::{Decoder, Record};
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
 use rtcm_rs::msg::Msg1019T;
 use rtcm_rs::{Message, MessageBuilder};

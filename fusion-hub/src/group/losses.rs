@@ -1,7 +1,7 @@
 //! What agents published and the hub did not fuse.
 
-use crate::align::LOSSES;
 use crate::intake::NOT_ARRIVED;
+use cofix_common::fusion::align::LOSSES;
 
 use super::Group;
 

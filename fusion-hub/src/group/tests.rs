@@ -4,11 +4,11 @@ use cofix_common::integrity::{RaimReport, Verdict};
 use cofix_common::wire::{EpochMessage, KeptMessage, PhoneStatus, StatusMessage, encode};
 
 use super::*;
-use crate::align::AlignOptions;
-use crate::engine::EngineOptions;
 use crate::network::FusedPublisher;
 use crate::recovery::Question;
 use crate::scores::Scores;
+use cofix_common::fusion::align::AlignOptions;
+use cofix_common::fusion::engine::EngineOptions;
 
 /// A live group of two phones, `a` and `b`, whose clock is told; its questions to agents come here.
 struct Bench {

@@ -9,7 +9,7 @@ use super::entity::path;
 use super::rows::{Rows, Segment};
 use super::rrd::{RecorderError, RrdFile};
 use super::track::drawable;
-use crate::engine::FusedPhone;
+use cofix_common::fusion::engine::FusedPhone;
 
 /// Room around the outermost phones, m.
 const MARGIN_M: f64 = 3.0;

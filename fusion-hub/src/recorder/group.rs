@@ -9,7 +9,7 @@ use rerun::{Color, TextLogLevel};
 use super::entity::{Method, bound_colour, pair_name, palette, path};
 use super::rrd::{RecorderError, RrdFile};
 use super::series::{LogLines, Series, Style};
-use crate::engine::PairDistance;
+use cofix_common::fusion::engine::PairDistance;
 
 /// One constraint's actions.
 #[derive(Debug)]

@@ -64,7 +64,7 @@ use self::phone::{Epoch, PhoneRecorder, recordable};
 use self::rrd::RrdFile;
 pub use self::rrd::{APPLICATION_ID, RecorderError, TIMELINE};
 use self::track::drawable;
-use crate::engine::{FusedEpoch, FusedPhone};
+use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
 
 /// Epochs between two writes. A crash loses at most these; fewer make a larger file.
 const EPOCHS_PER_SEGMENT: usize = 512;

@@ -14,8 +14,8 @@ use super::rrd::{RecorderError, RrdFile};
 use super::series::{LogLines, Series, Style};
 use super::signals::Signals;
 use super::track::{Ellipsoid, Track, drawable, ellipsoid};
-use crate::engine::FusedPhone;
 use crate::report::satellites_used;
+use cofix_common::fusion::engine::FusedPhone;
 
 /// What a phone's epoch is recorded at.
 #[derive(Clone, Copy)]

@@ -6,7 +6,7 @@ use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome, 
 use cofix_common::time::GpsTime;
 use serde::Serialize;
 
-use crate::engine::{FusedEpoch, ScheduledConstraint};
+use cofix_common::fusion::engine::{FusedEpoch, ScheduledConstraint};
 
 /// A constraint and what it did.
 #[derive(Clone, Debug, PartialEq, Serialize)]

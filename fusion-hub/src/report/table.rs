@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use cofix_agent::phone::Typical;
 use cofix_common::accuracy::Accuracy;
+use cofix_common::formats::phone::Typical;
 
 use super::{ConstraintReport, PhoneReport, Report};
 use crate::scores::ByPhone;

@@ -10,8 +10,8 @@ use cofix_common::wire::EpochMessage;
 use nalgebra::{SMatrix, SVector};
 
 use super::*;
-use crate::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
 use crate::scores::ByPhone;
+use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
 
 fn names() -> Vec<String> {
     vec!["b".to_owned(), "a".to_owned()]

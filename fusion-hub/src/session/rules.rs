@@ -4,7 +4,7 @@ use cofix_common::constraint::Constraint;
 use cofix_common::time::GpsTime;
 
 use super::text::{ConstraintEntry, ConstraintKind};
-use crate::engine::ScheduledConstraint;
+use cofix_common::fusion::engine::ScheduledConstraint;
 
 /// The constraints that `entry` stands for, among phones of these names.
 pub(super) fn expand(entry: &ConstraintEntry, names: &[&str]) -> Result<Vec<ScheduledConstraint>, String> {

@@ -5,7 +5,7 @@ use std::io;
 
 use cofix_common::accuracy::{TruthPoint, truth_csv_header, truth_csv_row};
 use cofix_common::constraint::Constraint;
-use cofix_common::rinex::{
+use cofix_common::formats::rinex::{
     Equipment, ObservationLayout, ObservationWriter, RecordingInfo, navigation_header, navigation_record,
 };
 use cofix_common::simulation::Simulation;

@@ -1,7 +1,8 @@
 use std::path::Path;
 
 use cofix_common::constraint::Constraint;
-use cofix_common::rinex::{NavigationFile, ObservationFile};
+use cofix_common::formats::rinex::ObservationFile;
+use cofix_common::orbit::NavigationFile;
 
 use super::*;
 use crate::session::Session;

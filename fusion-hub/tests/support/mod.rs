@@ -6,13 +6,13 @@
 use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Direction, Ecef, EcefVector, Enu, Geodetic, LocalFrame};
+use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, PairDistance};
 use cofix_common::gnss::{SatelliteId, SignalCode};
 use cofix_common::integrity::{Cause, GlobalTest, RaimReport, Verdict};
 use cofix_common::measurement::{CorrectedObservation, Usage};
 use cofix_common::solve::{Dops, PointSolution};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
-use cofix_hub::engine::{FusedEpoch, FusedPhone, PairDistance};
 use cofix_hub::recorder::{Recorder, RecorderConfig, Reference};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 

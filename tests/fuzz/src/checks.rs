@@ -3,12 +3,12 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::RangeInclusive;
 
-use cofix_common::decode::Record;
+use cofix_common::formats::decode::Record;
+use cofix_common::formats::gnsslogger::{Fix, SignalStatus};
+use cofix_common::formats::packing::Packing;
 use cofix_common::frames::Direction;
 use cofix_common::gnss::{CycleSlip, Event, EventKind, Observation, ObservationEpoch, SatelliteId};
-use cofix_common::gnsslogger::{Fix, SignalStatus};
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, SatelliteState};
-use cofix_common::rinex::Packing;
 
 /// Memory that records may take per byte they were read from.
 const MEMORY_PER_BYTE: usize = 64;

@@ -3,10 +3,12 @@
 use std::io::{Read, Write};
 
 use cofix_common::accuracy::Truth;
-use cofix_common::gsdc::ground_truth;
+use cofix_common::formats::gsdc::ground_truth;
+use cofix_common::formats::packing::{MAX_DECOMPRESSED_BYTES, Packing, decompress};
+use cofix_common::formats::rinex::NavigationDecoder;
+use cofix_common::formats::whu::truth_table;
+use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{Products, Sp3};
-use cofix_common::rinex::{MAX_DECOMPRESSED_BYTES, NavigationDecoder, NavigationFile, Packing, decompress};
-use cofix_common::whu::truth_table;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 

@@ -1,7 +1,7 @@
 //! Messages whose checksums random bytes seldom get right: here they are given right ones.
 
-use cofix_common::decode::Decoder;
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::formats::decode::Decoder;
+use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
 use cofix_common::wire::{
     EpochMessage, FusedMessage, MAXIMUM_OBSERVATIONS, StatusMessage, WireMessage, decode, encode,

@@ -1,11 +1,11 @@
 //! Pieces of navigation messages. Random bytes seldom get check bits right, so many pieces come without, from a receiver that
 //! vouches for them.
 
-use cofix_common::gnss::{Constellation, SatelliteId};
-use cofix_common::navbits::{
+use cofix_common::formats::navbits::{
     BeidouAssembler, FnavAssembler, GlonassAssembler, GlonassClock, GlonassLabel, GlonassName, InavAssembler,
     LnavAssembler, ReceiverCheck, Refused,
 };
+use cofix_common::gnss::{Constellation, SatelliteId};
 use cofix_common::orbit::KeplerEphemeris;
 use cofix_common::time::GpsTime;
 

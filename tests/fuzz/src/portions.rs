@@ -1,6 +1,6 @@
 //! A stream decoder fed in portions.
 
-use cofix_common::decode::{Decoder, Record, WrongStream};
+use cofix_common::formats::decode::{Decoder, Record, WrongStream};
 use cofix_common::skips::Skips;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,11 +1,12 @@
 //! What is written reads back as it was.
 
-use cofix_common::decode::Record;
-use cofix_common::gnss::{CycleSlip, Event, Observation, ObservationEpoch};
-use cofix_common::rinex::{
-    IonosphereTerms, NavigationFile, ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo,
-    glonass_record, navigation_header, navigation_record,
+use cofix_common::formats::decode::Record;
+use cofix_common::formats::rinex::{
+    ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, navigation_header,
+    navigation_record,
 };
+use cofix_common::gnss::{CycleSlip, Event, Observation, ObservationEpoch};
+use cofix_common::orbit::{IonosphereTerms, NavigationFile};
 use cofix_common::time::GpsTime;
 
 use crate::checks;

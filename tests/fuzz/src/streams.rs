@@ -1,16 +1,16 @@
 //! Streams of observations: the same records however they are cut into portions, all of them sound.
 
+use cofix_common::formats::decode::Decoder;
 #[cfg(feature = "agent")]
-use cofix_agent::format::Format;
+use cofix_common::formats::format::Format;
+use cofix_common::formats::gnsslogger::{GnssLoggerDecoder, Masks, Options};
+use cofix_common::formats::gsdc::{DerivedDecoder, DerivedFile};
+use cofix_common::formats::rinex::{ObservationDecoder, ObservationFile};
+use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
 #[cfg(feature = "agent")]
-use cofix_agent::stream::StreamDecoder;
-use cofix_common::decode::Decoder;
-use cofix_common::gnsslogger::{GnssLoggerDecoder, Masks, Options};
-use cofix_common::gsdc::{DerivedDecoder, DerivedFile};
-use cofix_common::rinex::{ObservationDecoder, ObservationFile};
-use cofix_common::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::formats::stream::StreamDecoder;
+use cofix_common::formats::whu::SpareLogDecoder;
 use cofix_common::time::GpsTime;
-use cofix_common::whu::SpareLogDecoder;
 
 use crate::portions::{Outcome, feed, feed_both_ways, random_portions, same};
 use crate::{checks, round_trip};

@@ -1,8 +1,8 @@
 //! A position as a GGA sentence of NMEA 0183.
 
 use cofix_common::frames::Ecef;
-use cofix_common::rinex::leap_seconds_at;
 use cofix_common::time::GpsTime;
+use cofix_common::time::leap_seconds_at;
 
 /// The sentence for a position at an instant. The geoid's height is not known here: the height above the ellipsoid stands for that above the
 /// sea, with a geoid separation of zero, so that their sum is right. Number of satellites and dilution of precision are those of an

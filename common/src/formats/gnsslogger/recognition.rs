@@ -1,0 +1,61 @@
+//! Whether a stream is a GnssLogger log.
+
+use crate::formats::decode::WrongStream;
+use crate::formats::text::shorten;
+
+/// A log is recognised within this many lines.
+const LINES_TO_RECOGNISE: u64 = 100;
+
+/// What the lines so far say.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Recognition {
+    /// Nothing; the first line that was not known is kept.
+    Open {
+        /// Its beginning.
+        first: Option<String>,
+    },
+    /// A log.
+    Log,
+    /// Something else.
+    Wrong(WrongStream),
+}
+
+impl Recognition {
+    /// Takes a line into account, until it is clear.
+    pub(super) fn line(&mut self, known: bool, number: u64, line: &[u8]) {
+        let Self::Open { first } = self else { return };
+        if known {
+            *self = Self::Log;
+            return;
+        }
+        let first = first.get_or_insert_with(|| shorten(line));
+        if number >= LINES_TO_RECOGNISE {
+            *self = Self::Wrong(wrong(first, number));
+        }
+    }
+
+    /// The error, if it is clear that this is no log.
+    pub(super) fn check(&self) -> Result<(), WrongStream> {
+        match self {
+            Self::Wrong(error) => Err(error.clone()),
+            Self::Open { .. } | Self::Log => Ok(()),
+        }
+    }
+
+    /// The error, if it did not turn out to be a log up to the end.
+    pub(super) fn check_end(&self, lines: u64) -> Result<(), WrongStream> {
+        match self {
+            Self::Open { first } => Err(wrong(first.as_deref().unwrap_or("(no line)"), lines)),
+            Self::Log | Self::Wrong(_) => self.check(),
+        }
+    }
+}
+
+fn wrong(first: &str, lines: u64) -> WrongStream {
+    WrongStream {
+        reason: format!(
+            "not a GnssLogger text log: none of the first {lines} lines begins with '# Raw,', 'Raw,', 'Fix,' or another \
+             kind that the app writes; the first one reads '{first}'"
+        ),
+    }
+}

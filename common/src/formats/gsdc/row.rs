@@ -1,0 +1,258 @@
+//! One row: its fields to numbers, checked against what can be.
+
+use super::columns::{Columns, Optional, Required};
+use super::times::{Shift, Times, times};
+use super::{masks, signal};
+use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::formats::gnsslogger::Masks;
+use crate::formats::integer::integer;
+use crate::formats::lost_locks::SignalKey;
+use crate::frames::{Ecef, EcefVector};
+use crate::gnss::{
+    Constellation, LossOfLock, MAX_DOPPLER_HZ, Observation, PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode,
+};
+use crate::measurement::{
+    GivenCorrections, MAX_SATELLITE_CLOCK_M, MAX_SATELLITE_DRIFT_MPS, MAX_SATELLITE_SPEED_MPS,
+    ORBIT_BOUNDS_M, RecordedObservation,
+};
+use crate::time::GpsTime;
+
+/// Largest delay in the atmosphere, m.
+const MAX_DELAY_M: f64 = 500.0;
+/// Standard deviation of orbit and clock along the line of sight, m. The files do not carry the broadcast accuracy; this is what
+/// GPS and Galileo reached in those years.
+const ORBIT_SIGMA_M: f64 = 0.5;
+/// Largest standard deviation of a pseudorange that a phone states, m, and the smallest that is believed.
+const CODE_SIGMA_BOUNDS_M: (f64, f64) = (0.1, 1e5);
+/// Bits of Android's `ADR_STATE_*` by which a phone says that the lock was lost: reset and cycle slip.
+const LOCK_LOST: u32 = 2 | 4;
+/// Highest time that a 64-bit count of nanoseconds since 1980 leaves room to calculate with.
+pub(super) const MAX_NANOS: i64 = i64::MAX / 2;
+
+/// A row that was read.
+#[derive(Clone, Debug)]
+pub(super) struct Row {
+    /// Epoch as it is written, whole seconds corrected; the arrival where that is no time of the row's.
+    pub(super) time_gps: GpsTime,
+    /// Receive time.
+    pub(super) received_gps: GpsTime,
+    /// By how much the epoch as written was off, s.
+    pub(super) shift: Shift,
+    /// The observation. That its lock was lost is noted whether or not there is a phase.
+    pub(super) recorded: RecordedObservation,
+    /// Of a GLONASS satellite of which nothing else is known: its frequency channel.
+    pub(super) channel_only: Option<i8>,
+    /// Why there are no corrections, if there are none.
+    pub(super) lack: Option<String>,
+}
+
+/// Why a row gives nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Fault {
+    /// Reason to count under.
+    pub(super) reason: &'static str,
+    /// Column and value.
+    pub(super) detail: String,
+}
+
+/// A row's fields by column.
+pub(super) struct Fields<'a> {
+    pub(super) columns: &'a Columns,
+    fields: &'a [&'a str],
+}
+
+impl Fields<'_> {
+    fn text(&self, column: Required) -> &str {
+        self.columns.required(self.fields, column)
+    }
+
+    /// A number that must be there, and within bounds.
+    fn number(&self, column: Required, (low, high): (f64, f64)) -> Result<f64, Fault> {
+        let text = self.text(column);
+        let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
+        let name = self.columns.name(column);
+        let value = value.ok_or_else(|| Fault {
+            reason: "value missing or not a number",
+            detail: format!("{name} '{}'", shorten(text)),
+        })?;
+        if (low..=high).contains(&value) {
+            return Ok(value);
+        }
+        Err(Fault { reason: "impossible value", detail: format!("{name} = {value}, limits {low} to {high}") })
+    }
+
+    fn symmetric(&self, column: Required, limit: f64) -> Result<f64, Fault> {
+        self.number(column, (-limit, limit))
+    }
+
+    /// A whole number of nanoseconds or milliseconds.
+    pub(super) fn count(&self, column: Required, limit: i64) -> Result<i64, Fault> {
+        let text = self.text(column);
+        let value = integer(text).filter(|value| (0..=limit).contains(value));
+        value.ok_or_else(|| Fault {
+            reason: "time missing or impossible",
+            detail: format!("{} '{}'", self.columns.name(column), shorten(text)),
+        })
+    }
+
+    /// A number where there is one.
+    pub(super) fn optional(&self, column: Optional) -> Option<f64> {
+        self.columns.optional(self.fields, column).parse().ok().filter(|value: &f64| value.is_finite())
+    }
+
+    /// A word of bits where there is one.
+    pub(super) fn bits(&self, column: Optional) -> Option<u32> {
+        integer(self.columns.optional(self.fields, column)).and_then(|bits| u32::try_from(bits).ok())
+    }
+}
+
+fn shorten(text: &str) -> String {
+    text.chars().take(40).collect()
+}
+
+/// Reads a row.
+pub(super) fn read(columns: &Columns, masks: &Masks, fields: &[&str]) -> Result<Row, Fault> {
+    let fields = Fields { columns, fields };
+    let (satellite, signal) = names(&fields)?;
+    masks::check(&fields, satellite.constellation, masks)?;
+    let (low, high) = PSEUDORANGE_BOUNDS_M;
+    let pseudorange_m = fields.number(Required::Pseudorange, (low, high))?;
+    let Times { time_gps, received_gps, shift } = times(&fields, pseudorange_m)?;
+    let (given, lack) = match given(&fields) {
+        Ok(given) => (Some(given), None),
+        Err(fault) => (None, Some(fault.detail)),
+    };
+    let frequency_hz = frequency_hz(&fields, satellite, signal);
+    let recorded = RecordedObservation {
+        observation: observation(&fields, satellite, signal, pseudorange_m, frequency_hz),
+        frequency_hz,
+        given,
+    };
+    let channel_only = satellite_of(&fields).and_then(|(_, channel)| channel);
+    Ok(Row { time_gps, received_gps, shift, recorded, channel_only, lack })
+}
+
+/// The signal of a row that says that its lock was lost, and the row's time if it can be read, whatever else of it cannot be
+/// used. Of tables of 2021, which say nothing of locks, there is none.
+pub(super) fn lost_signal(columns: &Columns, fields: &[&str]) -> Option<(SignalKey, Option<GpsTime>)> {
+    let fields = Fields { columns, fields };
+    if fields.bits(Optional::DeltaRangeState)? & LOCK_LOST == 0 {
+        return None;
+    }
+    Some((names(&fields).ok()?, fields.count(Required::Time, MAX_NANOS).ok().map(GpsTime::from_nanos)))
+}
+
+/// The satellite of a row, or one without a slot, by its number, and its channel.
+fn satellite_of(fields: &Fields<'_>) -> Option<(SatelliteId, Option<i8>)> {
+    let (constellation, number) = (fields.text(Required::Constellation), fields.text(Required::Satellite));
+    let by_slot = signal::satellite(constellation, number).map(|satellite| (satellite, None));
+    let by_channel = || signal::by_channel(constellation, number);
+    by_slot.or_else(|| by_channel().map(|(satellite, channel)| (satellite, Some(channel))))
+}
+
+fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
+    let (constellation, number) = (fields.text(Required::Constellation), fields.text(Required::Satellite));
+    let (satellite, _) = satellite_of(fields).ok_or_else(|| Fault {
+        reason: "satellite that is not used",
+        detail: format!("constellation type '{}', svid '{}'", shorten(constellation), shorten(number)),
+    })?;
+    let on_carrier =
+        || signal::name_on(satellite.constellation, fields.optional(Optional::CarrierFrequency)?);
+    let name = match fields.text(Required::Signal) {
+        "" => on_carrier().unwrap_or_default(),
+        name => name,
+    };
+    let code_type = fields.columns.optional(fields.fields, Optional::CodeType);
+    let signal = signal::signal(satellite.constellation, name, code_type).ok_or_else(|| Fault {
+        reason: "signal that is not used",
+        detail: format!("{satellite} '{}'", shorten(name)),
+    })?;
+    Ok((satellite, signal))
+}
+
+fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
+    use Required::{
+        ClockBias, ClockDrift, Ionosphere, PositionX, PositionY, PositionZ, ReceiverBias, Troposphere,
+        VelocityX, VelocityY, VelocityZ,
+    };
+    let (lowest, highest) = CODE_SIGMA_BOUNDS_M;
+    let [x, y, z] =
+        [PositionX, PositionY, PositionZ].map(|column| fields.symmetric(column, *ORBIT_BOUNDS_M.end()));
+    let position = Ecef::new(x?, y?, z?);
+    let distance_m = position.0.norm();
+    if !ORBIT_BOUNDS_M.contains(&distance_m) {
+        return Err(Fault {
+            reason: "impossible value",
+            detail: format!("satellite {distance_m} m from the Earth's centre"),
+        });
+    }
+    let [vx, vy, vz] =
+        [VelocityX, VelocityY, VelocityZ].map(|column| fields.symmetric(column, MAX_SATELLITE_SPEED_MPS));
+    Ok(GivenCorrections {
+        satellite_position: position,
+        satellite_velocity: EcefVector::new(vx?, vy?, vz?),
+        clock_m: fields.symmetric(ClockBias, MAX_SATELLITE_CLOCK_M)?,
+        clock_drift_mps: fields.symmetric(ClockDrift, MAX_SATELLITE_DRIFT_MPS)?,
+        receiver_bias_m: fields.symmetric(ReceiverBias, PSEUDORANGE_BOUNDS_M.0)?,
+        ionosphere_m: Some(fields.symmetric(Ionosphere, MAX_DELAY_M)?),
+        troposphere_m: Some(fields.symmetric(Troposphere, MAX_DELAY_M)?),
+        sigma_m: ORBIT_SIGMA_M,
+        code_sigma_m: fields
+            .optional(Optional::PseudorangeUncertainty)
+            .filter(|sigma| (lowest..=highest).contains(sigma)),
+    })
+}
+
+/// Carrier frequency: the signal's own, for GLONASS the recorded one.
+fn frequency_hz(fields: &Fields<'_>, satellite: SatelliteId, signal: SignalCode) -> Option<f64> {
+    let nominal = signal.frequency_hz(satellite.constellation, None);
+    let recorded = || {
+        fields
+            .optional(Optional::CarrierFrequency)
+            .filter(|f| satellite.constellation == Constellation::Glonass && (1.59e9..1.61e9).contains(f))
+    };
+    nominal.or_else(recorded)
+}
+
+fn observation(
+    fields: &Fields<'_>,
+    satellite: SatelliteId,
+    signal: SignalCode,
+    pseudorange_m: f64,
+    frequency_hz: Option<f64>,
+) -> Observation {
+    let per_wavelength = |metres: f64| Some(metres * frequency_hz? / SPEED_OF_LIGHT_MPS);
+    let doppler_hz = fields.optional(Optional::PseudorangeRate).and_then(|rate| per_wavelength(-rate));
+    let state = delta_range_state(fields);
+    Observation {
+        satellite,
+        signal,
+        pseudorange_m: Some(pseudorange_m),
+        carrier_phase_cycles: fields
+            .optional(Optional::DeltaRange)
+            .filter(|_| state.valid)
+            .and_then(per_wavelength),
+        doppler_hz: doppler_hz.filter(|doppler| doppler.abs() <= MAX_DOPPLER_HZ),
+        cn0_dbhz: fields.optional(Optional::Cn0).filter(|cn0| (0.0..=70.0).contains(cn0)),
+        loss_of_lock: state.loss_of_lock,
+    }
+}
+
+struct DeltaRangeState {
+    valid: bool,
+    loss_of_lock: LossOfLock,
+}
+
+/// Android `GnssMeasurement.ADR_STATE_*`: 1 valid, 2 reset, 4 cycle slip, 8 half cycle resolved, 16 half cycle reported.
+fn delta_range_state(fields: &Fields<'_>) -> DeltaRangeState {
+    let bits = fields.bits(Optional::DeltaRangeState).unwrap_or(0);
+    let valid = bits & 1 != 0;
+    DeltaRangeState {
+        valid,
+        loss_of_lock: LossOfLock {
+            cycle_slip: bits & LOCK_LOST != 0,
+            half_cycle: valid && bits & 16 != 0 && bits & 8 == 0,
+            ..LossOfLock::default()
+        },
+    }
+}

@@ -1,0 +1,30 @@
+//! Readers and writers of files and streams, a room for each, and what they share.
+//!
+//! Readers take bytes and give records; what cannot be read is counted in [`crate::skips::Skips`]. The records themselves belong to
+//! what uses them: observations to [`crate::gnss`], ephemerides and precise products to [`crate::orbit`], maps of the ionosphere
+//! to [`crate::atmosphere`].
+
+pub mod bias_sinex;
+mod decimal;
+pub mod decode;
+pub mod format;
+pub mod gnsslogger;
+pub mod gsdc;
+mod integer;
+pub mod ionex;
+pub mod kinds;
+pub mod lines;
+mod lost_locks;
+mod moscow;
+pub mod navbits;
+pub mod packing;
+pub mod phone;
+pub mod rinex;
+pub mod rinex_clocks;
+pub mod rtcm;
+pub mod sp3;
+pub mod stream;
+pub mod text;
+mod time_order;
+mod time_system;
+pub mod whu;

@@ -1,0 +1,57 @@
+//! Whole observation files.
+
+use super::header::ObservationHeader;
+use super::{ObservationDecoder, RinexError};
+use crate::formats::decode::Record;
+use crate::formats::packing::decompress;
+use crate::gnss::{Event, ObservationEpoch};
+use crate::skips::Skips;
+
+/// A whole observation file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObservationFile {
+    /// The header, with what events changed in it.
+    pub header: ObservationHeader,
+    /// Epochs, in time order.
+    pub epochs: Vec<ObservationEpoch>,
+    /// What happened between them, in the file's order: each with the number of epochs before it.
+    pub events: Vec<(usize, Event)>,
+    /// What was skipped.
+    pub skips: Skips,
+}
+
+impl ObservationFile {
+    /// Reads a whole file, plain or compressed (.gz, .Z).
+    ///
+    /// # Errors
+    /// When the compression is damaged or the header cannot be used; damage further on is counted in
+    /// [`ObservationFile::skips`].
+    pub fn parse(bytes: &[u8]) -> Result<Self, RinexError> {
+        let bytes = decompress(bytes)?;
+        let mut decoder = ObservationDecoder::default();
+        let (mut epochs, mut events) = (Vec::new(), Vec::new());
+        let mut take = |record| match record {
+            Record::Epoch(epoch) => epochs.push(epoch),
+            Record::Event(event) => events.push((epochs.len(), *event)),
+            Record::Ephemeris(_) | Record::Glonass(_) => {}
+        };
+        decoder.whole(&bytes, &mut take)?;
+        decoder.finish(&mut take)?;
+        let (header, skips) = decoder.into_parts();
+        Ok(Self { header, epochs, events, skips })
+    }
+
+    /// Epochs and events in the file's order.
+    pub fn into_records(self) -> Vec<Record> {
+        let mut events = self.events.into_iter().peekable();
+        let mut records = Vec::with_capacity(self.epochs.len() + events.len());
+        for (index, epoch) in self.epochs.into_iter().enumerate() {
+            while let Some((_, event)) = events.next_if(|(before, _)| *before <= index) {
+                records.push(Record::Event(Box::new(event)));
+            }
+            records.push(Record::Epoch(epoch));
+        }
+        records.extend(events.map(|(_, event)| Record::Event(Box::new(event))));
+        records
+    }
+}

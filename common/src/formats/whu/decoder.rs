@@ -1,0 +1,176 @@
+//! Spare logs as a stream.
+
+use std::collections::{BTreeMap, VecDeque};
+
+pub use super::epoch::StatedSigmas;
+use super::epoch::{self, Epoch};
+use crate::formats::decode::{Decoder, Record, WrongStream};
+use crate::formats::gnsslogger::lines::{Framed, Lines, MAX_LINE};
+use crate::formats::lost_locks::LostLocks;
+use crate::formats::text::shorten;
+use crate::formats::time_order::TimeOrder;
+use crate::gnss::{EpochFlag, ObservationEpoch};
+use crate::skips::Skips;
+use crate::time::GpsTime;
+
+/// How the line before each epoch begins.
+const STAMP: &[u8] = b"current_Start_Timestamp:";
+/// The key of an epoch's observations.
+const OBSERVED: &[u8] = b"\"obsd_t\"";
+/// A log is recognised within this many lines.
+const LINES_TO_RECOGNISE: u64 = 100;
+
+/// Whether a line, without its line end, is one that only a spare log has.
+pub fn is_spare_log_line(line: &[u8]) -> bool {
+    let line = line.trim_ascii_start();
+    let is_epoch = || line.starts_with(b"{") && line.windows(OBSERVED.len()).any(|part| part == OBSERVED);
+    line.starts_with(STAMP) || is_epoch()
+}
+
+/// Decodes a spare log.
+#[derive(Clone, Debug, Default)]
+pub struct SpareLogDecoder {
+    lines: Lines,
+    log: Log,
+    records: VecDeque<Record>,
+    last: Vec<StatedSigmas>,
+}
+
+/// The log so far.
+#[derive(Clone, Debug, Default)]
+struct Log {
+    number: u64,
+    is_recognised: bool,
+    /// The first line that was none of a spare log, while the log is not recognised.
+    first: Option<String>,
+    order: TimeOrder,
+    /// Of the epochs that were not given out yet, one for each observation.
+    stated: BTreeMap<GpsTime, Vec<StatedSigmas>>,
+    locks: LostLocks,
+    skips: Skips,
+}
+
+impl SpareLogDecoder {
+    /// The phone's own standard deviations of the last record's observations, in their order; empty before the first record.
+    pub fn stated_sigmas(&self) -> &[StatedSigmas] {
+        &self.last
+    }
+}
+
+impl Log {
+    fn line(&mut self, line: &[u8], records: &mut VecDeque<Record>) {
+        self.number += 1;
+        let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line).trim_ascii();
+        if line.is_empty() {
+            return;
+        }
+        let number = self.number;
+        self.is_recognised |= is_spare_log_line(line);
+        if line.starts_with(STAMP) {
+            return;
+        }
+        if line.starts_with(b"{") {
+            if let Some(epoch) = epoch::read(number, line, &mut self.skips) {
+                self.epoch(epoch, records);
+            }
+            return;
+        }
+        self.first.get_or_insert_with(|| shorten(line));
+        self.skips.add("line of no known kind", || format!("line {number}: '{}'", shorten(line)));
+    }
+
+    fn epoch(&mut self, mut epoch: Epoch, records: &mut VecDeque<Record>) {
+        let (number, time_gps) = (self.number, epoch.time_gps);
+        if let Some((reason, before)) = self.order.refuses(time_gps) {
+            return self.skips.add(reason, || format!("line {number}: {time_gps} after {before}"));
+        }
+        for (observation, _) in &mut epoch.signals {
+            let signal = (observation.satellite, observation.signal);
+            let (slip, has_phase) =
+                (&mut observation.loss_of_lock.cycle_slip, observation.carrier_phase_cycles.is_some());
+            *slip = self.locks.observe(signal, *slip, has_phase);
+        }
+        for signal in epoch.lost {
+            self.locks.observe(signal, true, false);
+        }
+        if epoch.signals.is_empty() {
+            return self
+                .skips
+                .add("epoch without a usable measurement", || format!("line {number}: {time_gps}"));
+        }
+        let (observations, stated) = epoch.signals.into_iter().unzip();
+        self.stated.insert(time_gps, stated);
+        let epoch = ObservationEpoch { time_gps, flag: EpochFlag::Ok, observations };
+        self.order.epoch((number, epoch), None, &mut self.skips, &mut |record| records.push_back(record));
+    }
+
+    /// An error when the lines so far, or all of them, show another kind of stream.
+    fn check_kind(&self, ended: bool) -> Result<(), WrongStream> {
+        if self.is_recognised || !(ended || self.number >= LINES_TO_RECOGNISE) {
+            return Ok(());
+        }
+        let first = self.first.as_deref().unwrap_or("(no line)");
+        Err(WrongStream {
+            reason: format!(
+                "not a spare log of the WHU-Smartphone dataset: none of the first {} lines begins with 'current_Start_Timestamp:' or holds \
+                 \"obsd_t\"; the first one reads '{first}'",
+                self.number
+            ),
+        })
+    }
+
+    fn too_long(&mut self) {
+        self.number += 1;
+        let number = self.number;
+        self.skips.add("line too long", || format!("line {number}: more than {MAX_LINE} bytes"));
+    }
+}
+
+impl Decoder for SpareLogDecoder {
+    fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
+        let Self { lines, log, records, .. } = self;
+        let mut rest = bytes;
+        while let Some(framed) = lines.next(&mut rest) {
+            log.check_kind(false)?;
+            match framed {
+                Framed::Line(line) => log.line(line, records),
+                Framed::TooLong => log.too_long(),
+            }
+        }
+        log.check_kind(false)
+    }
+
+    /// A last line without a line end is complete when it closes its brackets.
+    fn finish(&mut self) -> Result<(), WrongStream> {
+        let Self { lines, log, records, .. } = self;
+        if let Some(rest) = lines.finish() {
+            if serde_json::from_slice::<serde::de::IgnoredAny>(&rest).is_ok() {
+                log.line(&rest, records);
+            } else if rest.is_empty() || rest.iter().any(|byte| !byte.is_ascii_whitespace()) {
+                log.is_recognised |= is_spare_log_line(&rest);
+                let (number, length) = (log.number + 1, rest.len());
+                log.first.get_or_insert_with(|| shorten(&rest));
+                log.skips.add("last line is cut off", || {
+                    format!("line {number}: {length} bytes without a line end")
+                });
+            }
+        }
+        log.check_kind(true)?;
+        log.order.finish(None, &mut log.skips, &mut |record| records.push_back(record));
+        Ok(())
+    }
+
+    fn next_record(&mut self) -> Option<Record> {
+        let record = self.records.pop_front()?;
+        if let Record::Epoch(epoch) = &record {
+            // What was left out in between has no record.
+            self.log.stated = self.log.stated.split_off(&epoch.time_gps);
+            self.last = self.log.stated.remove(&epoch.time_gps).unwrap_or_default();
+        }
+        Some(record)
+    }
+
+    fn skips(&self) -> &Skips {
+        &self.log.skips
+    }
+}

@@ -1,0 +1,228 @@
+//! One line of JSON to one epoch.
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::names;
+use crate::formats::lost_locks::SignalKey;
+use crate::gnss::{LossOfLock, Observation, SatelliteId, SignalCode};
+use crate::skips::Skips;
+use crate::time::{Calendar, GpsTime};
+
+/// Pseudoranges outside these bounds (m) are impossible: no satellite in use is nearer or farther.
+const PSEUDORANGE_BOUNDS_M: (f64, f64) = (1e6, 1e9);
+/// Largest carrier phase that is believed, cycles. RINEX has no room for more; the Kirin 980 writes some of 4e10.
+const MAX_PHASE_CYCLES: f64 = 9e9;
+/// Largest Doppler, Hz.
+const MAX_DOPPLER_HZ: f64 = 5e4;
+/// Largest carrier-to-noise density, dB-Hz.
+const MAX_CN0_DBHZ: f64 = 70.0;
+/// Largest standard deviation that is kept, in the unit of its quantity.
+const MAX_SIGMA: f64 = 1e9;
+
+/// The phone's own standard deviations of one observation, where it states them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StatedSigmas {
+    /// Of the pseudorange, m.
+    pub pseudorange_m: Option<f64>,
+    /// Of the carrier phase, cycles.
+    pub carrier_phase_cycles: Option<f64>,
+    /// Of the Doppler, Hz.
+    pub doppler_hz: Option<f64>,
+}
+
+/// An epoch's observations, in the order of the line.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Epoch {
+    pub(super) time_gps: GpsTime,
+    pub(super) signals: Vec<(Observation, StatedSigmas)>,
+    /// Signals whose phase was lost without a phase at this epoch.
+    pub(super) lost: Vec<SignalKey>,
+}
+
+#[derive(Deserialize)]
+struct Line {
+    obsd_t: Observed,
+}
+
+#[derive(Deserialize)]
+struct Observed {
+    d: Vec<Value>,
+    t: Time,
+}
+
+#[derive(Deserialize)]
+struct Time {
+    year: f64,
+    month: f64,
+    day: f64,
+    hour: f64,
+    minute: f64,
+    sec: f64,
+}
+
+impl Time {
+    fn gps(&self) -> Option<GpsTime> {
+        GpsTime::from_calendar(Calendar {
+            year: i32::from(whole::<u16>(self.year)?),
+            month: whole(self.month)?,
+            day: whole(self.day)?,
+            hour: whole(self.hour)?,
+            minute: whole(self.minute)?,
+            second: self.sec,
+        })
+    }
+}
+
+/// A number that is whole; tools that pass through floating point write `10.0`.
+fn whole<T: TryFrom<u64>>(value: f64) -> Option<T> {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // whole and in range
+    (value.fract() == 0.0 && (0.0..=9_999.0).contains(&value)).then(|| T::try_from(value as u64).ok())?
+}
+
+/// Why a line or an entry gives nothing.
+struct Fault {
+    reason: &'static str,
+    detail: String,
+}
+
+/// Reads a line; `None`, counted, when it holds no epoch.
+pub(super) fn read(number: u64, line: &[u8], skips: &mut Skips) -> Option<Epoch> {
+    let observed = match serde_json::from_slice::<Line>(line) {
+        Ok(Line { obsd_t }) => obsd_t,
+        Err(error) => {
+            let reason =
+                if error.is_data() { "line lacks its observations or time" } else { "line is not JSON" };
+            skips.add(reason, || format!("line {number}: {error}"));
+            return None;
+        }
+    };
+    let Some(time_gps) = observed.t.gps() else {
+        let Time { year, month, day, hour, minute, sec } = observed.t;
+        skips.add("time of an epoch is none", || {
+            format!("line {number}: {year}-{month}-{day} {hour}:{minute}:{sec}")
+        });
+        return None;
+    };
+    let mut epoch = Epoch { time_gps, signals: Vec::with_capacity(observed.d.len()), lost: Vec::new() };
+    for entry in &observed.d {
+        let mut entry = Entry { fields: entry, number, name: String::new(), skips };
+        if let Err(fault) = entry.read(&mut epoch) {
+            skips.add(fault.reason, || format!("line {number}: {}", fault.detail));
+        }
+    }
+    Some(epoch)
+}
+
+/// One signal of one satellite.
+struct Entry<'a> {
+    fields: &'a Value,
+    number: u64,
+    /// Satellite and signal, once they are known.
+    name: String,
+    skips: &'a mut Skips,
+}
+
+impl Entry<'_> {
+    fn read(&mut self, epoch: &mut Epoch) -> Result<(), Fault> {
+        let (satellite, signal) = self.names()?;
+        if epoch.signals.iter().any(|(o, _)| (o.satellite, o.signal) == (satellite, signal)) {
+            return Err(Fault { reason: "signal repeated in its epoch", detail: self.name.clone() });
+        }
+        let (low, high) = PSEUDORANGE_BOUNDS_M;
+        let pseudorange_m =
+            self.value("p", "pseudorange outside 1e6 to 1e9 m", |p| (low..=high).contains(&p));
+        let carrier_phase_cycles =
+            self.value("l", "phase beyond 9e9 cycles (code is used)", |l| l.abs() <= MAX_PHASE_CYCLES);
+        let doppler_hz =
+            self.value("d", "Doppler beyond 50 kHz (code and phase are used)", |d| d.abs() <= MAX_DOPPLER_HZ);
+        let cn0_dbhz =
+            self.value("snr", "C/N0 outside 0 to 70 dB-Hz", |snr| (0.0..=MAX_CN0_DBHZ).contains(&snr));
+        let loss_of_lock = self.loss_of_lock();
+        if carrier_phase_cycles.is_none() && loss_of_lock.cycle_slip {
+            epoch.lost.push((satellite, signal));
+        }
+        let observation = Observation {
+            satellite,
+            signal,
+            pseudorange_m,
+            carrier_phase_cycles,
+            doppler_hz,
+            cn0_dbhz,
+            loss_of_lock: if carrier_phase_cycles.is_some() { loss_of_lock } else { LossOfLock::default() },
+        };
+        let values = [pseudorange_m, carrier_phase_cycles, doppler_hz, cn0_dbhz];
+        if values.iter().all(Option::is_none) {
+            return Err(Fault { reason: "signal without any value", detail: self.name.clone() });
+        }
+        let sigma = |key: &str, of: Option<f64>| self.sigma(key).filter(|_| of.is_some());
+        let stated = StatedSigmas {
+            pseudorange_m: sigma("vp", pseudorange_m),
+            carrier_phase_cycles: sigma("vl", carrier_phase_cycles),
+            doppler_hz: sigma("vd", doppler_hz),
+        };
+        epoch.signals.push((observation, stated));
+        Ok(())
+    }
+
+    fn names(&mut self) -> Result<(SatelliteId, SignalCode), Fault> {
+        let index = self.fields.get("prn");
+        let satellite =
+            index.and_then(Value::as_f64).and_then(whole).and_then(names::satellite).ok_or_else(|| {
+                Fault { reason: "satellite index of no satellite", detail: shown("prn", index) }
+            })?;
+        let code = self.fields.get("type");
+        let signal =
+            code.and_then(Value::as_str).and_then(|code| names::signal(satellite.constellation, code));
+        let signal = signal.ok_or_else(|| Fault {
+            reason: "observation code of no signal of the system",
+            detail: format!("{satellite}, {}", shown("type", code)),
+        })?;
+        self.name = format!("{satellite} {signal}");
+        Ok((satellite, signal))
+    }
+
+    /// A value within its limits; zero and null stand for none.
+    fn value(&mut self, key: &str, beyond: &'static str, is_possible: impl Fn(f64) -> bool) -> Option<f64> {
+        let found = self.fields.get(key);
+        let (reason, is_none) = match found.and_then(Value::as_f64) {
+            Some(0.0) => return None,
+            Some(value) if is_possible(value) => return Some(value),
+            Some(_) => (beyond, false),
+            None => ("value missing or not a number", found.is_some_and(Value::is_null)),
+        };
+        if !is_none {
+            let (number, name) = (self.number, &self.name);
+            self.skips.add(reason, || format!("line {number}: {name}, {}", shown(key, found)));
+        }
+        None
+    }
+
+    /// The bits of the loss-of-lock indicator, none when it is missing. One that is not 0 to 7 counts as a lost lock.
+    fn loss_of_lock(&mut self) -> LossOfLock {
+        let found = self.fields.get("lli").filter(|value| !value.is_null());
+        match found.map(|value| value.as_f64().and_then(whole::<u8>).filter(|bits| *bits <= 7)) {
+            None => LossOfLock::default(),
+            Some(Some(bits)) => {
+                LossOfLock { cycle_slip: bits & 1 != 0, half_cycle: bits & 2 != 0, noisier: bits & 4 != 0 }
+            }
+            Some(None) => {
+                let (number, name) = (self.number, &self.name);
+                self.skips.add("loss-of-lock indicator is not 0 to 7", || {
+                    format!("line {number}: {name}, {}", shown("lli", found))
+                });
+                LossOfLock { cycle_slip: true, ..LossOfLock::default() }
+            }
+        }
+    }
+
+    fn sigma(&self, key: &str) -> Option<f64> {
+        self.fields.get(key)?.as_f64().filter(|sigma| *sigma > 0.0 && *sigma <= MAX_SIGMA)
+    }
+}
+
+/// A key and its value, shortened.
+fn shown(key: &str, value: Option<&Value>) -> String {
+    let text = value.map_or_else(|| "missing".to_owned(), Value::to_string);
+    format!("{key} {}", text.chars().take(40).collect::<String>())
+}

@@ -1,0 +1,232 @@
+use crate::integrity::{RaimReport, Verdict};
+use proptest::prelude::*;
+
+use super::*;
+
+pub(super) fn at(seconds: f64) -> GpsTime {
+    GpsTime::from_week_tow(2118, 397_000.0) + seconds
+}
+
+pub(super) fn message(phone: usize, sequence: u64, seconds: f64) -> EpochMessage {
+    EpochMessage {
+        phone: format!("p{phone}"),
+        sequence,
+        time_gps: at(seconds),
+        observations: Vec::new(),
+        wls: None,
+        local: None,
+        raim: RaimReport { verdict: Verdict::CannotBeChecked, global_test: None, excluded: 0 },
+    }
+}
+
+/// Pushes whole series one after the other and returns the buckets as seconds by phone.
+fn buckets(series: &[&[f64]]) -> Vec<Vec<Option<f64>>> {
+    let mut aligner = Aligner::new(series.len(), AlignOptions::default());
+    for (phone, times) in series.iter().enumerate() {
+        for (sequence, &seconds) in times.iter().enumerate() {
+            aligner.push(phone, message(phone, sequence as u64, seconds), Duration::ZERO);
+        }
+        aligner.finish(phone);
+    }
+    seconds(&drain(&mut aligner))
+}
+
+pub(super) fn drain(aligner: &mut Aligner) -> Vec<Bucket> {
+    std::iter::from_fn(|| aligner.pop_ready()).collect()
+}
+
+pub(super) fn seconds(buckets: &[Bucket]) -> Vec<Vec<Option<f64>>> {
+    let second = |m: &Option<EpochMessage>| m.as_ref().map(|m| ((m.time_gps - at(0.0)) * 1e6).round() / 1e6);
+    buckets.iter().map(|bucket| bucket.iter().map(second).collect()).collect()
+}
+
+#[test]
+fn jitter_around_the_second_does_not_part_phones() {
+    let found = buckets(&[&[0.0004, 1.0004, 2.0004], &[-0.0003, 0.9997, 1.9996]]);
+    assert_eq!(
+        found,
+        [[Some(0.0004), Some(-0.0003)], [Some(1.0004), Some(0.9997)], [Some(2.0004), Some(1.9996)]]
+    );
+}
+
+#[test]
+fn phones_half_a_second_apart_pair_up() {
+    let found = buckets(&[&[0.0, 1.0, 2.0], &[0.5, 1.5, 2.5]]);
+    assert_eq!(found, [[Some(0.0), Some(0.5)], [Some(1.0), Some(1.5)], [Some(2.0), Some(2.5)]]);
+}
+
+#[test]
+fn different_starts_stops_and_gaps_leave_holes() {
+    let found = buckets(&[&[0.0, 1.0, 4.0], &[1.001, 2.001, 3.001, 4.001, 5.001]]);
+    assert_eq!(
+        found,
+        [
+            [Some(0.0), None],
+            [Some(1.0), Some(1.001)],
+            [None, Some(2.001)],
+            [None, Some(3.001)],
+            [Some(4.0), Some(4.001)],
+            [None, Some(5.001)]
+        ]
+    );
+}
+
+#[test]
+fn the_extra_epochs_of_a_fast_phone_stand_alone() {
+    let found = buckets(&[&[0.0, 1.0], &[0.6, 0.8, 1.0, 1.2]]);
+    assert_eq!(
+        found,
+        [[Some(0.0), None], [None, Some(0.6)], [None, Some(0.8)], [Some(1.0), Some(1.0)], [None, Some(1.2)]]
+    );
+}
+
+#[test]
+fn a_bucket_waits_for_running_phones_only() {
+    let mut aligner = Aligner::new(2, AlignOptions::default());
+    aligner.push(0, message(0, 0, 0.0), Duration::ZERO);
+    aligner.push(0, message(0, 1, 1.0), Duration::ZERO);
+    assert_eq!(aligner.pop_ready(), None);
+    aligner.finish(1);
+    assert_eq!(seconds(&drain(&mut aligner)), [[Some(0.0), None], [Some(1.0), None]]);
+}
+
+#[test]
+fn simultaneous_epochs_need_no_look_ahead_but_others_do() {
+    let mut aligner = Aligner::new(2, AlignOptions::default());
+    for (sequence, seconds) in [(0, 0.0), (1, 1.0)] {
+        aligner.push(0, message(0, sequence, seconds), Duration::ZERO);
+        aligner.push(1, message(1, sequence, seconds + 0.0007), Duration::ZERO);
+    }
+    assert_eq!(drain(&mut aligner).len(), 2);
+    aligner.push(0, message(0, 2, 2.0), Duration::ZERO);
+    aligner.push(1, message(1, 2, 2.3), Duration::ZERO);
+    assert_eq!(aligner.pop_ready(), None, "phone 0 might be fast and have one at 2.2 s");
+    aligner.push(0, message(0, 3, 2.2), Duration::ZERO);
+    assert_eq!(seconds(&drain(&mut aligner)), [[Some(2.0), None]]);
+}
+
+#[test]
+fn an_absurd_time_costs_one_message() {
+    let year = 365.25 * 86_400.0;
+    for absurd in [[year, 0.0, 1.0, 2.0], [0.0, year, 1.0, 2.0], [0.0, 1.0, year, 2.0], [0.0, 1.0, 2.0, year]]
+    {
+        let mut aligner = Aligner::new(1, AlignOptions::default());
+        for (sequence, &seconds) in absurd.iter().enumerate() {
+            aligner.push(0, message(0, sequence as u64, seconds), Duration::ZERO);
+        }
+        aligner.finish(0);
+        assert_eq!(seconds(&drain(&mut aligner)), [[Some(0.0)], [Some(1.0)], [Some(2.0)]], "{absurd:?}");
+        assert_eq!(aligner.skips(0).unwrap().count("epoch far from its neighbours"), 1, "{absurd:?}");
+    }
+}
+
+#[test]
+fn a_long_pause_is_believed_when_it_goes_on() {
+    assert_eq!(buckets(&[&[0.0, 1.0, 5_000.0, 5_001.0]]).len(), 4);
+    assert_eq!(buckets(&[&[7.0]]), [[Some(7.0)]], "a single epoch is believed");
+}
+
+/// Every two hours, two of them, and with one absurd time among them: nothing else is lost.
+#[test]
+fn long_regular_steps_are_believed() {
+    let hours = |hours: &[f64]| hours.iter().map(|hour| 3_600.0 * hour).collect::<Vec<_>>();
+    for (series, lost) in [
+        (hours(&[0.0, 2.0, 4.0, 6.0, 8.0, 10.0]), 0),
+        (hours(&[0.0, 2.0]), 0),
+        (hours(&[0.0, 2.0, 4.5, 7.0, 9.0]), 0),
+        (hours(&[0.0, 2.0, 4.0, 800.0, 6.0, 8.0]), 1),
+    ] {
+        let fused = buckets(&[&series]);
+        assert_eq!(fused.len(), series.len() - lost, "{series:?}: {fused:?}");
+    }
+}
+
+#[test]
+fn duplicates_and_disorder_are_counted_and_named() {
+    let mut aligner = Aligner::new(1, AlignOptions::default());
+    for (sequence, seconds) in [(0, 0.0), (1, 1.0), (1, 1.0), (0, 0.0), (2, 1.01), (3, 2.0)] {
+        aligner.push(0, message(0, sequence, seconds), Duration::ZERO);
+    }
+    assert_eq!(aligner.waiting(), 3);
+    let skips = aligner.skips(0).unwrap();
+    assert_eq!(skips.count("epoch received twice"), 1);
+    assert_eq!(skips.count("epoch out of order"), 1);
+    assert_eq!(skips.count("epoch too soon after the previous one"), 1);
+    let first = &skips.iter().next().unwrap().1.first;
+    assert!(first.contains("sequence 0 at 2020-08-13T14:16:40.000"), "{first}");
+    aligner.push(7, message(7, 0, 0.0), Duration::ZERO);
+    assert_eq!(aligner.waiting(), 3, "an index beyond the group is ignored");
+}
+
+/// Increasing times of one phone: a rate, a phase, jitter and gaps.
+fn series() -> impl Strategy<Value = Vec<f64>> {
+    let rate = prop::sample::select(vec![1.0, 0.2, 0.1, 2.0]);
+    (rate, 0.0..1.0_f64, 0.0..5.0_f64, prop::collection::vec((-0.001..0.001_f64, 0.0..1.0_f64), 0..25))
+        .prop_map(|(interval, phase, start, steps)| {
+            let epochs = steps.iter().enumerate().filter(|(_, (_, gap))| *gap < 0.9);
+            epochs.map(|(i, (jitter, _))| start.floor() + phase + i as f64 * interval + jitter).collect()
+        })
+}
+
+/// Feeds the phones' series as `order` says and pops as early as possible.
+fn interleaved(all: &[Vec<f64>], order: &[usize]) -> Vec<Bucket> {
+    let mut aligner = Aligner::new(all.len(), AlignOptions::default());
+    let mut sent = vec![0; all.len()];
+    let mut buckets = Vec::new();
+    let rest = (0..all.len()).flat_map(|phone| std::iter::repeat_n(phone, all[phone].len() + 1));
+    for phone in order.iter().map(|i| i % all.len()).chain(rest) {
+        match all[phone].get(sent[phone]) {
+            Some(&seconds) => {
+                aligner.push(phone, message(phone, sent[phone] as u64, seconds), Duration::ZERO);
+            }
+            None => aligner.finish(phone),
+        }
+        sent[phone] += 1;
+        buckets.extend(drain(&mut aligner));
+    }
+    assert_eq!(aligner.waiting(), 0);
+    buckets
+}
+
+proptest! {
+    #[test]
+    fn arrival_order_changes_nothing_and_nothing_is_lost(
+        all in prop::collection::vec(series(), 1..5),
+        order in prop::collection::vec(any::<usize>(), 0..120),
+    ) {
+        let expected = interleaved(&all, &[]);
+        let found = interleaved(&all, &order);
+        prop_assert_eq!(&found, &expected);
+        for (phone, times) in all.iter().enumerate() {
+            let given: Vec<u64> = found.iter().filter_map(|b| b[phone].as_ref().map(|m| m.sequence)).collect();
+            prop_assert_eq!(given, (0..times.len() as u64).collect::<Vec<_>>());
+        }
+        let mut done_to = None;
+        for bucket in &found {
+            let times: Vec<GpsTime> = bucket.iter().flatten().map(|m| m.time_gps).collect();
+            let (first, last) = (*times.iter().min().unwrap(), *times.iter().max().unwrap());
+            prop_assert!(last - first <= 0.5);
+            prop_assert!(done_to <= Some(first), "a bucket begins before the one before it ended");
+            done_to = Some(last);
+        }
+    }
+
+    #[test]
+    fn phones_on_the_same_second_always_meet(
+        phones in prop::collection::vec((0_u32..10, 10_u32..30), 2..5),
+        jitter_ms in -0.5..0.5_f64,
+    ) {
+        let all: Vec<Vec<f64>> = phones
+            .iter()
+            .enumerate()
+            .map(|(k, &(start, stop))| (start..stop).map(|s| f64::from(s) + jitter_ms * 1e-3 * k as f64).collect())
+            .collect();
+        for bucket in interleaved(&all, &[]) {
+            let second = bucket.iter().flatten().map(|m| (m.time_gps - at(0.0)).round()).next().unwrap();
+            for (k, &(start, stop)) in phones.iter().enumerate() {
+                let there = f64::from(start) <= second && second < f64::from(stop);
+                prop_assert_eq!(bucket[k].is_some(), there);
+            }
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! One phone's processing: correct → solve → RAIM → local filter, an epoch at a time. No I/O.
+
+use std::sync::Arc;
+
+use crate::filter::{FilterOptions, JointFilter, Start};
+use crate::frames::Ecef;
+use crate::gnss::ObservationEpoch;
+use crate::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim};
+use crate::measurement::{
+    CorrectedObservation, CorrectionOptions, Corrector, Differential, DifferentialCounts,
+    DifferentialOptions, PreparedObservation, RecordedEpoch, StochasticModel, without_position,
+};
+use crate::orbit::Products;
+use crate::skips::Skips;
+use crate::solve::{PointSolution, SolveError, solve_position, solve_velocity};
+use crate::time::GpsTime;
+use crate::wire::EpochMessage;
+
+use crate::formats::stream::StreamDecoder;
+
+/// An epoch-wise position further than this from the last one is solved again from its own corrections, m.
+const RECORRECT_M: f64 = 1_000.0;
+/// What is counted of an epoch without a position.
+pub const NO_SOLUTION: &str = "epoch without a solution";
+/// How often at most.
+const MOST_CORRECTIONS: usize = 4;
+
+/// What the pipeline may be told.
+#[derive(Clone, Debug, Default)]
+pub struct PipelineOptions {
+    /// Masks, corrections and stochastic models.
+    pub correction: CorrectionOptions,
+    /// Integrity tests.
+    pub raim: RaimOptions,
+    /// The local filter.
+    pub filter: FilterOptions,
+    /// Whether a recording's own satellite states and delays are taken, where it has them, in place of those from products. If not,
+    /// they serve for satellites that no product knows.
+    pub recorded_corrections: bool,
+}
+
+impl PipelineOptions {
+    /// The stochastic model and filter of Peng 2023; masks, corrections and RAIM as by default.
+    pub fn peng2023() -> Self {
+        let correction =
+            CorrectionOptions { stochastic: StochasticModel::peng2023(), ..CorrectionOptions::default() };
+        Self { correction, filter: FilterOptions::peng2023(), ..Self::default() }
+    }
+}
+
+/// One phone's pipeline.
+pub struct PhonePipeline {
+    phone: String,
+    sequence: u64,
+    corrector: Corrector,
+    options: PipelineOptions,
+    position: Option<Ecef>,
+    filter: JointFilter,
+    /// Base stations; `None` without corrections.
+    differential: Option<Differential>,
+    differential_counts: DifferentialCounts,
+    skips: Skips,
+}
+
+impl PhonePipeline {
+    /// A pipeline for the phone `name`.
+    pub fn new(name: &str, products: Arc<Products>, options: PipelineOptions) -> Self {
+        Self {
+            phone: name.to_owned(),
+            sequence: 0,
+            corrector: Corrector::new(products, options.correction.clone()),
+            filter: JointFilter::new(options.filter),
+            options,
+            position: None,
+            differential: None,
+            differential_counts: DifferentialCounts::default(),
+            skips: Skips::default(),
+        }
+    }
+
+    /// Corrects pseudoranges from now on by what base stations observe.
+    pub fn use_bases(&mut self, options: DifferentialOptions) {
+        let products = Arc::clone(self.corrector.products());
+        self.differential = Some(Differential::new(products, self.options.correction.clone(), options));
+    }
+
+    /// Takes an epoch of base number `base`, whose antenna is at `position`; of effect after [`PhonePipeline::use_bases`].
+    pub fn add_base_epoch(&mut self, base: usize, epoch: ObservationEpoch, position: Ecef) {
+        if let Some(differential) = &mut self.differential {
+            differential.add(base, epoch, position);
+        }
+    }
+
+    /// How many observations were corrected by base stations, and how many could not be.
+    pub const fn differential_counts(&self) -> DifferentialCounts {
+        self.differential_counts
+    }
+
+    /// The position of the last epoch that has one by itself.
+    pub const fn position(&self) -> Option<Ecef> {
+        self.position
+    }
+
+    /// Goes on with other products: more messages have come.
+    pub fn set_products(&mut self, products: Arc<Products>) {
+        if let Some(differential) = &mut self.differential {
+            differential.set_products(Arc::clone(&products));
+        }
+        self.corrector.set_products(products);
+    }
+
+    /// Processes one epoch; epochs come in order of time.
+    pub fn process(&mut self, epoch: &ObservationEpoch) -> EpochMessage {
+        let prepared = self.corrector.prepare(epoch);
+        self.process_prepared(epoch.time_gps, &prepared)
+    }
+
+    /// Processes one epoch of a recording that states more than observations: satellite states and corrections, which are taken
+    /// before those of products if the options say so, and GLONASS satellites known by their channel only.
+    pub fn process_recorded(&mut self, epoch: &RecordedEpoch) -> EpochMessage {
+        let mut prepared = if self.options.recorded_corrections {
+            epoch.prepare(&mut self.corrector)
+        } else {
+            epoch.prepare_with_products(&mut self.corrector)
+        };
+        if !epoch.by_channel.is_empty() {
+            let identified = self.identify(epoch, &prepared);
+            prepared.extend(self.corrector.prepare(&identified));
+        }
+        self.process_prepared(epoch.time_gps, &prepared)
+    }
+
+    /// GLONASS satellites known by their channel, with the slots that their orbits tell, seen from the last position or else from
+    /// one without atmosphere.
+    fn identify(&mut self, epoch: &RecordedEpoch, prepared: &[PreparedObservation]) -> ObservationEpoch {
+        let position = self.position.unwrap_or_else(|| rough_position(prepared));
+        self.corrector.identify(&epoch.by_channel, prepared, position, epoch.time_gps)
+    }
+
+    /// Processes the epoch that `decoder` gave last, with what else it knows of it.
+    pub fn process_last(&mut self, epoch: &ObservationEpoch, decoder: &StreamDecoder) -> EpochMessage {
+        match decoder.recorded_epoch() {
+            Some(recorded) => self.process_recorded(recorded),
+            None => self.process(epoch),
+        }
+    }
+
+    fn process_prepared(&mut self, time_gps: GpsTime, prepared: &[PreparedObservation]) -> EpochMessage {
+        let (observations, Monitored { fit, report }) = self.solve(time_gps, prepared);
+        let wls = match &fit {
+            Ok(fit) => {
+                let solution = fit.to_solution(solve_velocity(&observations, fit.position()));
+                if solution.is_none() {
+                    self.skips
+                        .add("epoch whose geometry is singular without weights", || time_gps.to_string());
+                }
+                solution
+            }
+            Err(error) => {
+                self.skips.add(NO_SOLUTION, || format!("{time_gps}: {error}"));
+                None
+            }
+        };
+        if let Some(solution) = &wls {
+            self.position = Some(solution.position);
+        }
+        self.filter(time_gps, &observations, wls.as_ref().map(|solution| (solution, report.verdict)));
+        let message = EpochMessage {
+            phone: self.phone.clone(),
+            sequence: self.sequence,
+            time_gps,
+            observations,
+            wls,
+            local: self.filter.state(0),
+            raim: report,
+        };
+        self.sequence += 1;
+        message
+    }
+
+    /// What was skipped so far. A mask that has named nothing in all epochs is told as well.
+    pub fn skips(&self) -> Skips {
+        let mut all = self.skips.clone();
+        all.merge(self.corrector.skips());
+        for exclusion in self.corrector.idle_exclusions().filter(|_| self.sequence > 0) {
+            all.add(&format!("mask {exclusion} names nothing that occurs"), || {
+                format!("none of it in {} epochs", self.sequence)
+            });
+        }
+        if let Some(differential) = &self.differential {
+            all.merge(&differential.skips());
+        }
+        all
+    }
+
+    /// Corrects and solves. Corrections are made for the last known position, or, without one, for a first solution
+    /// without atmosphere; when the solution turns out far from there, they are made again. A last known position that gives no
+    /// solution is forgotten: it may be what is wrong.
+    fn solve(
+        &mut self,
+        time_gps: GpsTime,
+        prepared: &[PreparedObservation],
+    ) -> (Vec<CorrectedObservation>, Monitored) {
+        let known = self.position.take();
+        let solved = self.solve_from(prepared, known.unwrap_or_else(|| rough_position(prepared)), time_gps);
+        if solved.1.fit.is_err() && known.is_some() {
+            return self.solve_from(prepared, rough_position(prepared), time_gps);
+        }
+        solved
+    }
+
+    fn solve_from(
+        &mut self,
+        prepared: &[PreparedObservation],
+        start: Ecef,
+        time_gps: GpsTime,
+    ) -> (Vec<CorrectedObservation>, Monitored) {
+        let mut seen_from = start;
+        for _ in 0..MOST_CORRECTIONS {
+            let (mut observations, masked) = self.corrector.finish(prepared, seen_from, time_gps);
+            let applied = self.differential.as_mut().map(|d| d.apply(&mut observations, seen_from, time_gps));
+            let monitored = solve_with_raim(&mut observations, seen_from, &self.options.raim);
+            let moved_m = monitored.fit.as_ref().map_or(0.0, |fit| fit.position().distance_m(seen_from));
+            if moved_m <= RECORRECT_M {
+                self.skips.merge(&masked);
+                if let Some(applied) = applied {
+                    self.skips.merge(&applied.skips);
+                    self.differential_counts.add(applied.counts);
+                }
+                if let Ok(fit) = &monitored.fit {
+                    for observation in &mut observations {
+                        observation.residual_m = fit.residual_of(observation);
+                    }
+                }
+                return (observations, monitored);
+            }
+            seen_from = monitored.fit.map_or(seen_from, |fit| fit.position());
+        }
+        let step = SolveError::Diverged { step_m: RECORRECT_M };
+        let report = RaimReport { verdict: Verdict::CannotBeChecked, global_test: None, excluded: 0 };
+        (Vec::new(), Monitored { fit: Err(step), report })
+    }
+
+    fn filter(
+        &mut self,
+        time_gps: GpsTime,
+        observations: &[CorrectedObservation],
+        wls: Option<(&PointSolution, Verdict)>,
+    ) {
+        for (_, silence_s) in self.filter.drop_silent(time_gps) {
+            self.skips
+                .add("local filter restarted", || format!("{time_gps}: no measurement for {silence_s:.1} s"));
+        }
+        self.filter.predict(time_gps);
+        if let Some(reason) = self.restart_reason() {
+            if !self.filter.is_empty() {
+                self.skips.add("local filter restarted", || format!("{time_gps}: {reason}"));
+                self.filter.remove(0);
+            }
+            if let Some((solution, verdict)) = wls {
+                self.filter.insert(0, time_gps, &Start::at_solution(solution, verdict));
+            }
+        } else if !observations.is_empty() {
+            self.filter.update(0, observations);
+        }
+    }
+
+    /// Why the local filter cannot go on, if it cannot.
+    fn restart_reason(&self) -> Option<&'static str> {
+        if self.filter.is_empty() {
+            Some("no state yet")
+        } else if self.filter.is_lost(0) {
+            Some("most pseudoranges contradict the prediction")
+        } else if !self.filter.is_sound() {
+            Some("state not finite or variance not positive")
+        } else {
+            None
+        }
+    }
+}
+
+/// Where a phone about which nothing is known may be: a solution without atmosphere, else the Earth's centre.
+fn rough_position(prepared: &[PreparedObservation]) -> Ecef {
+    let centre = Ecef::new(0.0, 0.0, 0.0);
+    solve_position(&without_position(prepared), centre).map_or(centre, |fit| fit.position())
+}
