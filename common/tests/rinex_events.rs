@@ -299,6 +299,9 @@ fn header_lines_of_another_layout_are_not_written() {
     let epoch = parse(&(head_3() + &epoch_3(2))).into_records();
     let mut writer = written(&epoch).1;
     assert_eq!(writer.event(&only), "");
+    // Labels are read in small letters too.
+    let small = event(EventKind::Header, None, &[&header("     2    C1    L1", "# / TYPeS OF OBSERV")]);
+    assert_eq!(writer.event(&small), "");
     let quoting = event(EventKind::External, Some(time("2020-08-13T14:19:02")), &["> quoted", "kept"]);
     assert!(writer.event(&quoting).ends_with("  5  1\nkept\n"));
     assert_eq!(writer.skips().count("line of an event that would read as an epoch's, left out"), 1);

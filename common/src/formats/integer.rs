@@ -5,11 +5,44 @@
 
 /// Digits of a text that are taken into account; an `i64` has 19, and what tools print has no more than 20 behind the point.
 const MOST_DIGITS: usize = 38;
+/// Any number of this many digits is below 2⁶³.
+const DIGITS_THAT_FIT: usize = 18;
 
 /// The whole number that a text is, in any notation of decimal numbers. `None` if it is none, has a fraction, or is larger
 /// than 64 bits.
+#[inline]
 pub(crate) fn integer(text: &str) -> Option<i64> {
-    text.parse().ok().or_else(|| decimal(text))
+    of_bytes(text.as_bytes())
+}
+
+/// The same of a field that need not be text.
+#[inline]
+pub(crate) fn of_bytes(field: &[u8]) -> Option<i64> {
+    digits(field).or_else(|| {
+        let text = std::str::from_utf8(field).ok()?;
+        text.parse().ok().or_else(|| decimal(text))
+    })
+}
+
+/// The same of up to 18 digits alone, with a minus before them: nearly all that logs hold.
+#[inline]
+fn digits(field: &[u8]) -> Option<i64> {
+    let (sign, digits) = match field {
+        [b'-', digits @ ..] => (-1, digits),
+        digits => (1, digits),
+    };
+    if digits.is_empty() || digits.len() > DIGITS_THAT_FIT {
+        return None;
+    }
+    let mut value = 0;
+    for byte in digits {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            return None;
+        }
+        value = value * 10 + i64::from(digit);
+    }
+    Some(sign * value)
 }
 
 fn decimal(text: &str) -> Option<i64> {

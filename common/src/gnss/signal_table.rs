@@ -77,6 +77,40 @@ const BEIDOU_2_ON_BAND_7: &[u8] = b"IQX";
 /// B2b, of BeiDou-3.
 const BEIDOU_3_ON_BAND_7: &[u8] = b"DPZ";
 
+/// Systems, and digits of bands, that [`ATTRIBUTES`] has room for.
+const SYSTEMS: usize = 7;
+const BANDS: usize = 10;
+
+/// The attributes of every system's bands, a bit for each letter from A on: the table as it is asked for every line of a phone's log.
+const ATTRIBUTES: [[u32; BANDS]; SYSTEMS] = attributes();
+
+const fn attributes() -> [[u32; BANDS]; SYSTEMS] {
+    let mut bits = [[0; BANDS]; SYSTEMS];
+    let mut at = 0;
+    while at < TABLE.len() {
+        let Row { constellation, band, attributes, .. } = &TABLE[at];
+        let mut letter = 0;
+        while letter < attributes.len() {
+            bits[*constellation as usize][(*band - b'0') as usize] |= 1 << (attributes[letter] - b'A');
+            letter += 1;
+        }
+        at += 1;
+    }
+    bits
+}
+
+/// Whether a system has a band with this attribute; a blank one is any of the band.
+fn has(constellation: Constellation, band: u8, attribute: u8) -> bool {
+    let of_system = ATTRIBUTES.get(constellation as usize);
+    let of_band = of_system.and_then(|bands| bands.get(usize::from(band.wrapping_sub(b'0'))));
+    let bits = of_band.copied().unwrap_or(0);
+    match attribute {
+        UNKNOWN_TRACKING => bits != 0,
+        b'A'..=b'Z' => bits & 1 << (attribute - b'A') != 0,
+        _ => false,
+    }
+}
+
 impl SignalCode {
     /// The RINEX version (times 100) that brought a signal of a system, `None` when there is no such signal. A blank attribute
     /// is any signal of the band.
@@ -91,10 +125,11 @@ impl SignalCode {
 
     /// Whether a system has the signal; of a pair, whether it has the first signal and the second band.
     pub fn exists(self, constellation: Constellation) -> bool {
-        let single = |band: u8, attribute: u8| Self::new(band, attribute).since(constellation).is_some();
         match self.bands_of_pair() {
-            Some((first, second)) => single(first, self.attribute) && single(second, UNKNOWN_TRACKING),
-            None => single(self.band, self.attribute),
+            Some((first, second)) => {
+                has(constellation, first, self.attribute) && has(constellation, second, UNKNOWN_TRACKING)
+            }
+            None => has(constellation, self.band, self.attribute),
         }
     }
 

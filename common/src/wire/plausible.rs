@@ -12,7 +12,7 @@ use nalgebra::{Cholesky, SMatrix};
 
 use crate::filter::PhoneState;
 use crate::frames::Ecef;
-use crate::gnss::{SatelliteId, SignalCode};
+use crate::gnss::{CN0_BOUNDS_DBHZ, PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode};
 use crate::measurement::CorrectedObservation;
 use crate::skips::Skips;
 use crate::solve::{PointSolution, VelocitySolution};
@@ -23,14 +23,12 @@ pub const MAXIMUM_OBSERVATIONS: usize = 256;
 
 /// 2200-01-01 00:00:00 GPST.
 const LATEST_NANOS: i64 = 6_942_153_600_000_000_000;
-const PSEUDORANGE_M: RangeInclusive<f64> = 1e6..=1e9;
 /// A sigma below a millimetre (or mm/s) would silence all other measurements of its phone.
 const SIGMA: RangeInclusive<f64> = 1e-3..=1e4;
 /// Doppler up to its limit (200 kHz) on the longest wavelength in use.
 const RANGE_RATE_MPS: RangeInclusive<f64> = -6e4..=6e4;
 const SATELLITE_RADIUS_M: RangeInclusive<f64> = 6.4e6..=6e7;
 const SATELLITE_SPEED_MPS: RangeInclusive<f64> = 0.0..=2e4;
-const CN0_DBHZ: RangeInclusive<f64> = 0.0..=70.0;
 const ANGLE_RAD: RangeInclusive<f64> = -7.0..=7.0;
 const RESIDUAL_M: RangeInclusive<f64> = -1e9..=1e9;
 const COORDINATE_M: RangeInclusive<f64> = -1e8..=1e8;
@@ -264,14 +262,14 @@ impl EpochMessage {
 
 fn check_observation(o: &CorrectedObservation) -> Result<(), Implausible> {
     within("satellite number", f64::from(o.satellite.number), 1.0..=99.0)?;
-    within("corrected pseudorange (m)", o.pseudorange_m, PSEUDORANGE_M)?;
+    within("corrected pseudorange (m)", o.pseudorange_m, PSEUDORANGE_BOUNDS_M)?;
     within("pseudorange sigma (m)", o.pseudorange_sigma_m, SIGMA)?;
     if let Some(rate) = o.range_rate {
         within("corrected range rate (m/s)", rate.range_rate_mps, RANGE_RATE_MPS)?;
         within("range rate sigma (m/s)", rate.sigma_mps, SIGMA)?;
     }
     if let Some(cn0_dbhz) = o.cn0_dbhz {
-        within("C/N0 (dB-Hz)", cn0_dbhz, CN0_DBHZ)?;
+        within("C/N0 (dB-Hz)", cn0_dbhz, CN0_BOUNDS_DBHZ)?;
     }
     within("azimuth (rad)", o.direction.azimuth_rad, ANGLE_RAD)?;
     within("elevation (rad)", o.direction.elevation_rad, ANGLE_RAD)?;

@@ -1,13 +1,15 @@
 //! What holds of every record, whatever it was read from.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-use std::ops::RangeInclusive;
 
 use cofix_common::formats::decode::Record;
 use cofix_common::formats::gnsslogger::{Fix, SignalStatus};
 use cofix_common::formats::packing::Packing;
 use cofix_common::frames::Direction;
-use cofix_common::gnss::{CycleSlip, Event, EventKind, Observation, ObservationEpoch, SatelliteId};
+use cofix_common::gnss::{
+    CN0_BOUNDS_DBHZ, CycleSlip, Event, EventKind, MAX_DOPPLER_HZ, Observation, ObservationEpoch,
+    PSEUDORANGE_BOUNDS_M, SatelliteId,
+};
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, SatelliteState};
 
 /// Memory that records may take per byte they were read from.
@@ -51,11 +53,11 @@ pub(crate) fn in_order(records: &[Record]) {
 }
 
 /// Pseudoranges and Doppler as the decoders state their limits.
-pub(crate) fn in_bounds(records: &[Record], pseudorange_m: &RangeInclusive<f64>) {
+pub(crate) fn in_bounds(records: &[Record]) {
     for observation in records.iter().filter_map(epoch).flat_map(|epoch| &epoch.observations) {
-        let inside = observation.pseudorange_m.is_none_or(|p| pseudorange_m.contains(&p))
-            && observation.doppler_hz.is_none_or(|d| d.abs() <= 5e4)
-            && observation.cn0_dbhz.is_none_or(|c| (0.0..=70.0).contains(&c));
+        let inside = observation.pseudorange_m.is_none_or(|p| PSEUDORANGE_BOUNDS_M.contains(&p))
+            && observation.doppler_hz.is_none_or(|d| d.abs() <= MAX_DOPPLER_HZ)
+            && observation.cn0_dbhz.is_none_or(|c| CN0_BOUNDS_DBHZ.contains(&c));
         assert!(inside, "{observation:?}");
     }
 }

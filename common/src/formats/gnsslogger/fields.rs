@@ -15,6 +15,7 @@ pub(super) struct Fields<'a> {
 
 impl Fields<'_> {
     /// A number that must be there; the line is lost without it.
+    #[inline]
     pub(super) fn required<T>(
         &mut self,
         name: &str,
@@ -40,6 +41,7 @@ impl Fields<'_> {
     }
 
     /// A number that may be missing.
+    #[inline]
     pub(super) fn optional<T>(
         &mut self,
         name: &str,
@@ -61,8 +63,9 @@ impl Fields<'_> {
 }
 
 /// An integer, in whatever notation a tool has put it.
+#[inline]
 pub(super) fn integer(field: &[u8]) -> Option<i64> {
-    crate::formats::integer::integer(std::str::from_utf8(field).ok()?)
+    crate::formats::integer::of_bytes(field)
 }
 
 /// Bits, as Android prints them: a signed 32-bit number.
@@ -87,6 +90,7 @@ pub(super) fn flag(field: &[u8]) -> Option<bool> {
 }
 
 /// A real number; neither NaN nor infinite.
+#[inline]
 pub(super) fn real(field: &[u8]) -> Option<f64> {
     std::str::from_utf8(field).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }

@@ -4,7 +4,10 @@ use super::options::{KnownTime, Masks, Options};
 use super::pseudorange::{ReceiveTime, TransmitScale};
 use super::raw::RawLine;
 use super::signal::{Signal, channel_only};
-use crate::gnss::{DOPPLER_TOO_LARGE, LossOfLock, MAX_DOPPLER_HZ, Observation, SatelliteId};
+use crate::gnss::{
+    CN0_BOUNDS_DBHZ, DOPPLER_TOO_LARGE, LossOfLock, MAX_DOPPLER_HZ, MAX_PHASE_CYCLES, Observation,
+    SatelliteId,
+};
 use crate::measurement::GivenCorrections;
 
 /// Bits of `AccumulatedDeltaRangeState` (Android API).
@@ -15,11 +18,6 @@ pub(super) mod range_state {
     pub(super) const HALF_CYCLE_RESOLVED: u32 = 1 << 3;
     pub(super) const HALF_CYCLE_REPORTED: u32 = 1 << 4;
 }
-
-/// C/N0 that are believed, dB-Hz.
-pub(super) const CN0_DBHZ: std::ops::RangeInclusive<f64> = 0.0..=70.0;
-/// Largest accumulated delta range that is believed, cycles: days without a loss of lock. RINEX has no room for more.
-const MAX_PHASE_CYCLES: f64 = 9e9;
 
 /// Why a line gives no observation, or not all of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,7 +145,7 @@ fn check(line: &RawLine, masks: &Masks) -> Result<(), Refusal> {
     if let Some(value) = line.cn0_dbhz.filter(|cn0| *cn0 < masks.min_cn0_dbhz) {
         return refuse("mask: C/N0", "dB-Hz", value);
     }
-    if let Some(value) = line.cn0_dbhz.filter(|cn0| !CN0_DBHZ.contains(cn0)) {
+    if let Some(value) = line.cn0_dbhz.filter(|cn0| !CN0_BOUNDS_DBHZ.contains(cn0)) {
         return refuse("C/N0 outside 0 to 70 dB-Hz", "dB-Hz", value);
     }
     if line.multipath && masks.reject_multipath {

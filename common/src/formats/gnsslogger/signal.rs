@@ -107,11 +107,10 @@ pub(super) fn signal(
     };
     let can_be = |code: SignalCode| code.has_pseudorange() && satellite.cannot_send(code).is_none();
     let known = code_type.filter(|letter| can_be(SignalCode::new(band.digit, *letter)));
-    let usual = SignalCode::new(band.digit, band.usual);
     // At 1207.14 MHz BeiDou-3 sends another signal than BeiDou-2.
-    let usual = if can_be(usual) { usual } else { B2B };
+    let usual = || Some(SignalCode::new(band.digit, band.usual)).filter(|code| can_be(*code)).unwrap_or(B2B);
     Some(Signal {
-        code: known.map_or(usual, |letter| SignalCode::new(band.digit, letter)),
+        code: known.map_or_else(usual, |letter| SignalCode::new(band.digit, letter)),
         glonass_channel,
         odd_code_type: code_type.filter(|_| known.is_none()),
     })

@@ -7,10 +7,9 @@
 use super::columns::{STATUS_COLUMNS, Status as Column};
 use super::fields::{Fields, flag, integer, real};
 use super::leap::from_unix_millis;
-use super::measure::CN0_DBHZ;
 use super::signal::{satellite, signal};
 use crate::frames::Direction;
-use crate::gnss::{SatelliteId, SignalCode};
+use crate::gnss::{CN0_BOUNDS_DBHZ, SatelliteId, SignalCode};
 use crate::time::GpsTime;
 
 /// What the phone says about one signal.
@@ -127,7 +126,7 @@ fn time(unix_millis: Option<i64>, read: &mut Fields<'_>) -> Option<GpsTime> {
 
 fn strength(name: &str, field: &[u8], read: &mut Fields<'_>) -> Option<f64> {
     let dbhz = read.optional(name, field, real)?;
-    if !CN0_DBHZ.contains(&dbhz) {
+    if !CN0_BOUNDS_DBHZ.contains(&dbhz) {
         read.refuse("C/N0 outside 0 to 70 dB-Hz (the rest is used)", || format!("{name} is {dbhz}"));
         return None;
     }

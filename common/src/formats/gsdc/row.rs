@@ -1,5 +1,7 @@
 //! One row: its fields to numbers, checked against what can be.
 
+use std::ops::RangeInclusive;
+
 use super::columns::{Columns, Optional, Required};
 use super::times::{Shift, Times, times};
 use super::{masks, signal};
@@ -9,7 +11,8 @@ use crate::formats::integer::integer;
 use crate::formats::lost_locks::SignalKey;
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{
-    Constellation, LossOfLock, MAX_DOPPLER_HZ, Observation, PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode,
+    CN0_BOUNDS_DBHZ, Constellation, LossOfLock, MAX_DOPPLER_HZ, Observation, PSEUDORANGE_BOUNDS_M,
+    SatelliteId, SignalCode,
 };
 use crate::measurement::{
     GivenCorrections, MAX_SATELLITE_CLOCK_M, MAX_SATELLITE_DRIFT_MPS, MAX_SATELLITE_SPEED_MPS,
@@ -67,7 +70,7 @@ impl Fields<'_> {
     }
 
     /// A number that must be there, and within bounds.
-    fn number(&self, column: Required, (low, high): (f64, f64)) -> Result<f64, Fault> {
+    fn number(&self, column: Required, bounds: RangeInclusive<f64>) -> Result<f64, Fault> {
         let text = self.text(column);
         let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
         let name = self.columns.name(column);
@@ -75,14 +78,17 @@ impl Fields<'_> {
             reason: "value missing or not a number",
             detail: format!("{name} '{}'", shorten(text)),
         })?;
-        if (low..=high).contains(&value) {
+        if bounds.contains(&value) {
             return Ok(value);
         }
-        Err(Fault { reason: "impossible value", detail: format!("{name} = {value}, limits {low} to {high}") })
+        Err(Fault {
+            reason: "impossible value",
+            detail: format!("{name} = {value}, limits {} to {}", bounds.start(), bounds.end()),
+        })
     }
 
     fn symmetric(&self, column: Required, limit: f64) -> Result<f64, Fault> {
-        self.number(column, (-limit, limit))
+        self.number(column, -limit..=limit)
     }
 
     /// A whole number of nanoseconds or milliseconds.
@@ -115,8 +121,7 @@ pub(super) fn read(columns: &Columns, masks: &Masks, fields: &[&str]) -> Result<
     let fields = Fields { columns, fields };
     let (satellite, signal) = names(&fields)?;
     masks::check(&fields, satellite.constellation, masks)?;
-    let (low, high) = PSEUDORANGE_BOUNDS_M;
-    let pseudorange_m = fields.number(Required::Pseudorange, (low, high))?;
+    let pseudorange_m = fields.number(Required::Pseudorange, PSEUDORANGE_BOUNDS_M)?;
     let Times { time_gps, received_gps, shift } = times(&fields, pseudorange_m)?;
     let (given, lack) = match given(&fields) {
         Ok(given) => (Some(given), None),
@@ -193,7 +198,7 @@ fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
         satellite_velocity: EcefVector::new(vx?, vy?, vz?),
         clock_m: fields.symmetric(ClockBias, MAX_SATELLITE_CLOCK_M)?,
         clock_drift_mps: fields.symmetric(ClockDrift, MAX_SATELLITE_DRIFT_MPS)?,
-        receiver_bias_m: fields.symmetric(ReceiverBias, PSEUDORANGE_BOUNDS_M.0)?,
+        receiver_bias_m: fields.symmetric(ReceiverBias, *PSEUDORANGE_BOUNDS_M.start())?,
         ionosphere_m: Some(fields.symmetric(Ionosphere, MAX_DELAY_M)?),
         troposphere_m: Some(fields.symmetric(Troposphere, MAX_DELAY_M)?),
         sigma_m: ORBIT_SIGMA_M,
@@ -233,7 +238,7 @@ fn observation(
             .filter(|_| state.valid)
             .and_then(per_wavelength),
         doppler_hz: doppler_hz.filter(|doppler| doppler.abs() <= MAX_DOPPLER_HZ),
-        cn0_dbhz: fields.optional(Optional::Cn0).filter(|cn0| (0.0..=70.0).contains(cn0)),
+        cn0_dbhz: fields.optional(Optional::Cn0).filter(|cn0| CN0_BOUNDS_DBHZ.contains(cn0)),
         loss_of_lock: state.loss_of_lock,
     }
 }

@@ -1,5 +1,7 @@
 //! One satellite's line of an observation file.
 
+use std::ops::RangeInclusive;
+
 use super::ObservationType;
 use super::header::ObservationHeader;
 use super::meaning::{Meaning, Remark, meaning};
@@ -231,7 +233,7 @@ impl Record<'_> {
     }
 
     fn store(&mut self, column: &Column, value: f64, slot: &mut Observation) {
-        let within = |(low, high): (f64, f64)| (low..=high).contains(&value);
+        let within = |bounds: RangeInclusive<f64>| bounds.contains(&value);
         match column.kind {
             ObservationKind::Pseudorange if within(PSEUDORANGE_BOUNDS_M) => {
                 slot.pseudorange_m = Some(value);
@@ -274,7 +276,9 @@ impl Record<'_> {
                 }
                 continue;
             }
-            observations.swap(kept, index);
+            if kept != index {
+                observations.swap(kept, index);
+            }
             kept += 1;
         }
         observations.truncate(kept);

@@ -70,11 +70,11 @@ impl LockTimes {
     /// Takes a lock time, and says for an observation with a phase whether the lock was certainly lost since the signal's
     /// last one with a phase: the time has become shorter, or is shorter than it would be had the lock held.
     pub(super) fn lost(&mut self, signal: SignalKey, time: GpsTime, lock: LockTime, has_phase: bool) -> bool {
-        let is_lost = self.last.get(&signal).is_some_and(|(before, held)| {
-            let held_ms = held.least_ms + (time - *before) * 1e3;
-            lock.least_ms < held.least_ms || lock.below_ms <= held_ms
-        });
-        self.last.insert(signal, (time, lock));
+        // A first lock time is held against itself.
+        let last = self.last.entry(signal).or_insert((time, lock));
+        let (before, held) = std::mem::replace(last, (time, lock));
+        let held_ms = held.least_ms + (time - before) * 1e3;
+        let is_lost = lock.least_ms < held.least_ms || lock.below_ms <= held_ms;
         self.lost.observe(signal, is_lost, has_phase)
     }
 }

@@ -5,18 +5,13 @@ use serde_json::Value;
 
 use super::names;
 use crate::formats::lost_locks::SignalKey;
-use crate::gnss::{LossOfLock, Observation, SatelliteId, SignalCode};
+use crate::gnss::{
+    CN0_BOUNDS_DBHZ, DOPPLER_TOO_LARGE, LossOfLock, MAX_DOPPLER_HZ, MAX_PHASE_CYCLES, Observation,
+    PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode,
+};
 use crate::skips::Skips;
 use crate::time::{Calendar, GpsTime};
 
-/// Pseudoranges outside these bounds (m) are impossible: no satellite in use is nearer or farther.
-const PSEUDORANGE_BOUNDS_M: (f64, f64) = (1e6, 1e9);
-/// Largest carrier phase that is believed, cycles. RINEX has no room for more; the Kirin 980 writes some of 4e10.
-const MAX_PHASE_CYCLES: f64 = 9e9;
-/// Largest Doppler, Hz.
-const MAX_DOPPLER_HZ: f64 = 5e4;
-/// Largest carrier-to-noise density, dB-Hz.
-const MAX_CN0_DBHZ: f64 = 70.0;
 /// Largest standard deviation that is kept, in the unit of its quantity.
 const MAX_SIGMA: f64 = 1e9;
 
@@ -129,15 +124,12 @@ impl Entry<'_> {
         if epoch.signals.iter().any(|(o, _)| (o.satellite, o.signal) == (satellite, signal)) {
             return Err(Fault { reason: "signal repeated in its epoch", detail: self.name.clone() });
         }
-        let (low, high) = PSEUDORANGE_BOUNDS_M;
         let pseudorange_m =
-            self.value("p", "pseudorange outside 1e6 to 1e9 m", |p| (low..=high).contains(&p));
+            self.value("p", "pseudorange outside 1e6 to 1e9 m", |p| PSEUDORANGE_BOUNDS_M.contains(&p));
         let carrier_phase_cycles =
             self.value("l", "phase beyond 9e9 cycles (code is used)", |l| l.abs() <= MAX_PHASE_CYCLES);
-        let doppler_hz =
-            self.value("d", "Doppler beyond 50 kHz (code and phase are used)", |d| d.abs() <= MAX_DOPPLER_HZ);
-        let cn0_dbhz =
-            self.value("snr", "C/N0 outside 0 to 70 dB-Hz", |snr| (0.0..=MAX_CN0_DBHZ).contains(&snr));
+        let doppler_hz = self.value("d", DOPPLER_TOO_LARGE, |d| d.abs() <= MAX_DOPPLER_HZ);
+        let cn0_dbhz = self.value("snr", "C/N0 outside 0 to 70 dB-Hz", |snr| CN0_BOUNDS_DBHZ.contains(&snr));
         let loss_of_lock = self.loss_of_lock();
         if carrier_phase_cycles.is_none() && loss_of_lock.cycle_slip {
             epoch.lost.push((satellite, signal));

@@ -1,8 +1,8 @@
 //! Events between epochs.
 
 use super::observation::{ObservationWriter, PHASE, can_be, digits, distinct, epoch_line};
+use crate::formats::rinex::label;
 use crate::formats::rinex::pending::is_comment;
-use crate::formats::text::columns;
 use crate::gnss::{CycleSlip, Event, EventKind};
 
 /// Most lines that an event's line can announce.
@@ -79,7 +79,7 @@ impl ObservationWriter {
 
 /// Why a line cannot stand in an event of a file, after so many others.
 fn unfit(line: &str, before: usize) -> Option<&'static str> {
-    let label = columns(line.as_bytes(), 60, 80).trim_ascii();
+    let label = label(line.as_bytes());
     if OF_LAYOUT.iter().any(|of_layout| of_layout.as_bytes() == label) {
         Some("header line of an event that says how its file was laid out, left out")
     } else if line.starts_with('>') && !is_comment(line.as_bytes()) {

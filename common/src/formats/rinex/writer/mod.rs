@@ -11,6 +11,8 @@ pub use glonass::glonass_record;
 pub use navigation::{navigation_header, navigation_record};
 pub use observation::{ObservationLayout, ObservationWriter, RecordingInfo};
 
+use std::ops::Range;
+
 use crate::time::{Calendar, GpsTime};
 
 /// Date and time in the columns of a navigation record; `None` when they do not hold it.
@@ -30,11 +32,17 @@ fn program_line(created: &str) -> String {
     labelled(&format!("{:<20}{:<20}{created:<20}", "cofix", ""), "PGM / RUN BY / DATE")
 }
 
-/// A number as Fortran's Dw.d prints it, `digits` after the point, with E for the exponent; blank when it is none.
+/// Smallest and largest magnitude whose exponent has two digits, which is what the columns have room for.
+const EXPONENT_OF_TWO_DIGITS: Range<f64> = 1e-99..9.999e99;
+
+/// A number as Fortran's Dw.d prints it, `digits` after the point, with E for the exponent. A smaller one than can be printed is
+/// zero; a larger one, and what is no number, is blank.
 fn scientific(value: f64, width: usize, digits: usize) -> String {
-    if !value.is_finite() {
+    let Range { start: smallest, end: largest } = EXPONENT_OF_TWO_DIGITS;
+    if !value.is_finite() || value.abs() > largest {
         return " ".repeat(width);
     }
+    let value = if value.abs() < smallest { 0.0 } else { value };
     let text = format!("{value:.digits$E}");
     let (mantissa, exponent) = text.split_once('E').unwrap_or((&text, "0"));
     let (sign, exponent) = exponent.strip_prefix('-').map_or(('+', exponent), |rest| ('-', rest));
@@ -50,6 +58,10 @@ mod tests {
         assert_eq!(scientific(-1.5e-5, 19, 12), "-1.500000000000E-05");
         assert_eq!(scientific(0.0, 19, 12), " 0.000000000000E+00");
         assert_eq!(scientific(9.999e9, 12, 4), "  9.9990E+09");
-        assert_eq!(scientific(f64::NAN, 5, 1), "     ");
+        assert_eq!(scientific(-5.714_523_747e-311, 19, 12), " 0.000000000000E+00");
+        assert_eq!(scientific(-1e-99, 19, 12), "-1.000000000000E-99");
+        for none in [f64::NAN, f64::INFINITY, 1e100] {
+            assert_eq!(scientific(none, 5, 1), "     ");
+        }
     }
 }
