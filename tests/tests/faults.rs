@@ -6,10 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cofix_agent::publication::{Publication, Publisher};
-use cofix_agent::{
-    AgentConfig, AgentError, ProductSource, Source, Speed, Stop, link,
-    pipeline::{PhonePipeline, PipelineOptions},
-};
+use cofix_agent::{AgentConfig, AgentError, ProductSource, Source, Speed, Stop, link};
+use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::simulation::PhoneOptions;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
