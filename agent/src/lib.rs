@@ -3,7 +3,7 @@
 //! [`run`] reads a phone's observations and publishes one message per epoch:
 //!
 //! ```text
-//! input (bytes) ─▶ stream (format, decoder) ─▶ records ─▶ source
+//! input (bytes) ─▶ decoder ─▶ records ─▶ source
 //!        ─▶ pipeline (correct → solve → RAIM → local filter) ─▶ pace ─▶ publication ─▶ Zenoh
 //! ```
 //!
