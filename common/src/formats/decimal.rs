@@ -39,21 +39,26 @@ pub(super) fn thousandths(field: &[u8; 14]) -> Thousandths {
     Thousandths::Value(if negative { -value } else { value })
 }
 
+/// The finite number that a text is, correctly rounded; `None` when it is none. No blanks are allowed.
+#[inline]
+pub(crate) fn finite(field: &[u8]) -> Option<f64> {
+    lexical_core::parse::<f64>(field).ok().filter(|value| value.is_finite())
+}
+
 /// Reads a real number with surrounding blanks and, where given, an exponent after E or D. `None` when blank,
 /// not a number or not finite.
 pub(crate) fn real(field: &[u8]) -> Option<f64> {
     const LONGEST: usize = 32;
     let field = field.trim_ascii();
+    if !field.iter().any(|byte| matches!(byte, b'D' | b'd')) {
+        return finite(field);
+    }
     let mut buffer = [0_u8; LONGEST];
     let copy = buffer.get_mut(..field.len())?;
     for (to, from) in copy.iter_mut().zip(field) {
-        *to = match from {
-            b'D' | b'd' => b'e',
-            b'0'..=b'9' | b'+' | b'-' | b'.' | b'E' | b'e' => *from,
-            _ => return None,
-        };
+        *to = if matches!(from, b'D' | b'd') { b'e' } else { *from };
     }
-    std::str::from_utf8(copy).ok()?.parse::<f64>().ok().filter(|value| value.is_finite())
+    finite(copy)
 }
 
 /// Reads an integer with surrounding blanks. `None` when blank or not an integer.
@@ -96,6 +101,13 @@ mod tests {
     }
 
     proptest! {
+        /// The standard library's reading is the reference; words for what is no finite number are refused by both.
+        #[test]
+        fn numbers_are_those_of_the_standard_library(text in "[-+]?[0-9]{0,20}[.]?[0-9]{0,20}([eE][-+]?[0-9]{0,4})?|[-+.0-9eE]{0,8}") {
+            let expected = text.parse::<f64>().ok().filter(|value| value.is_finite());
+            prop_assert_eq!(finite(text.as_bytes()).map(f64::to_bits), expected.map(f64::to_bits), "'{}'", text);
+        }
+
         #[test]
         fn printed_values_come_back_exactly(value in -999_999_999_999_i64..9_999_999_999_999) {
             let printed = format!("{:14.3}", value as f64 / 1000.0);

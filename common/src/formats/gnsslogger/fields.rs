@@ -1,5 +1,6 @@
 //! Numbers of a line.
 
+use crate::formats::decimal;
 use crate::formats::text::shorten;
 use crate::skips::Skips;
 
@@ -92,7 +93,7 @@ pub(super) fn flag(field: &[u8]) -> Option<bool> {
 /// A real number; neither NaN nor infinite.
 #[inline]
 pub(super) fn real(field: &[u8]) -> Option<f64> {
-    std::str::from_utf8(field).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
+    decimal::finite(field)
 }
 
 #[cfg(test)]
