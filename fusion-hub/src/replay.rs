@@ -12,7 +12,7 @@ use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
 use cofix_common::accuracy::Truth;
 use cofix_common::formats::decode::Record;
 use cofix_common::formats::packing::decompress;
-use cofix_common::formats::{gnsslogger, gsdc, whu};
+use cofix_common::formats::{gnsslogger, truth};
 use cofix_common::measurement::Exclusion;
 use cofix_common::pipeline::PipelineOptions;
 use cofix_common::skips::Skips;
@@ -195,21 +195,19 @@ pub fn read_truths_counted(phones: &[SessionPhone]) -> anyhow::Result<(NamedTrut
     Ok((truths, skips))
 }
 
-/// Reads a phone's truth of any kind; one whose table has no week takes it from the phone's date or recording.
+/// Reads a phone's truth of any format; one without a date takes it from the phone's date or recording.
 fn read_truth(path: &Path, phone: &SessionPhone, skips: &mut Skips) -> anyhow::Result<Truth> {
     let unreadable = || format!("{}: cannot read the truth file", path.display());
     let bytes = std::fs::read(path).with_context(unreadable)?;
     let bytes = decompress(&bytes).with_context(unreadable)?;
-    let read = if gsdc::is_ground_truth(&bytes) {
-        gsdc::ground_truth(&bytes)
-    } else if whu::is_truth_table(&bytes) {
-        let near = recorded_near(phone)
-            .with_context(|| format!("{}: the table has seconds of week and no week", path.display()))?;
-        whu::truth_table(&bytes, near)
+    let format = truth::recognise(&bytes);
+    let near = if format.needs_date(&bytes) {
+        recorded_near(phone).with_context(|| format!("{}: {} without a date", path.display(), format.name))?
     } else {
-        Truth::parse_csv(&bytes)
+        GpsTime::default()
     };
-    let (truth, skipped) = read.with_context(|| format!("{}: not usable as truth", path.display()))?;
+    let (truth, skipped) =
+        format.read(&bytes, near).with_context(|| format!("{}: not usable as truth", path.display()))?;
     merge_named(skips, "truth", &skipped, &path.display().to_string());
     Ok(truth)
 }
@@ -423,7 +421,7 @@ mod tests {
         assert_eq!(week_of(Some(&log), Some(GpsTime::from_week_tow(2119, 300_000.0))), Ok(2119));
         let said = week_of(None, None).unwrap_err();
         assert!(
-            said.contains("truth.txt: the table has seconds of week") && said.contains("date ="),
+            said.contains("truth.txt: WHU-Smartphone truth table without a date") && said.contains("date ="),
             "{said}"
         );
         let said = week_of(Some(&file("empty.txt", "\n")), None).unwrap_err();

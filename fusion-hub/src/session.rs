@@ -11,7 +11,7 @@
 //! [[phone]]
 //! name = "HP30"                       # unique within the group
 //! observations = "HP30.rnx"           # needed by `replay`, ignored by `run`
-//! truth = "HP30.truth.csv"            # optional: the phone is scored against it; or a challenge's ground_truth.csv, or a truth table of
+//! truth = "HP30.truth.csv"            # optional: the phone is scored against it; or a challenge's ground_truth.csv, a solution of RTKLIB (.pos), NMEA, or a truth table of
 //!                                     # the WHU-Smartphone dataset
 //! date = "2020-08-13T14:00:00"        # optional, for RTCM 3 without products, and for a truth without a week: an instant within three days
 //!                                     # of the beginning

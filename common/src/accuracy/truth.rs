@@ -81,6 +81,32 @@ pub(crate) struct TableRow {
     pub(crate) quality: u8,
 }
 
+/// A position whose velocity may not be known.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TruthPosition {
+    pub(crate) time_gps: GpsTime,
+    pub(crate) position: Ecef,
+    pub(crate) velocity: Option<EcefVector>,
+    pub(crate) quality: u8,
+}
+
+/// Neighbours further apart than this tell no velocity, s.
+const LONGEST_STEP_S: f64 = 2.5;
+
+/// The velocity at a position between its neighbours, or from the only one that is near.
+fn velocity_of(positions: &[TruthPosition], index: usize) -> Option<EcefVector> {
+    let row = positions.get(index)?;
+    let near = |other: &&TruthPosition| {
+        let step_s = (other.time_gps - row.time_gps).abs();
+        step_s > 0.0 && step_s <= LONGEST_STEP_S
+    };
+    let before = index.checked_sub(1).and_then(|at| positions.get(at)).filter(near);
+    let after = positions.get(index + 1).filter(near);
+    let (first, last) = (before.unwrap_or(row), after.unwrap_or(row));
+    let span_s = last.time_gps - first.time_gps;
+    (span_s > 0.0).then(|| EcefVector((last.position - first.position).0 / span_s))
+}
+
 impl TableRow {
     fn to_truth(self) -> Option<TruthRow> {
         let plausible = (0..10_000).contains(&self.gps_week)
@@ -148,6 +174,31 @@ impl Truth {
         let truth = Self::from_rows(rows, &mut skips);
         if truth.rows.is_empty() {
             return Err(TruthError::Empty { rows: seen, skips: skips.to_string() });
+        }
+        Ok((truth, skips))
+    }
+
+    /// A truth of positions whose velocities need not be known: those follow from the neighbours, and a position without
+    /// velocity and neighbours is left out. `rows` were seen, `skips` counts what was skipped before.
+    pub(crate) fn from_positions(
+        mut positions: Vec<TruthPosition>,
+        rows: usize,
+        mut skips: Skips,
+    ) -> Result<(Self, Skips), TruthError> {
+        positions.sort_by_key(|row| row.time_gps);
+        let points = (0..positions.len()).filter_map(|index| {
+            let row = positions.get(index)?;
+            let velocity = row.velocity.or_else(|| velocity_of(&positions, index));
+            if velocity.is_none() {
+                skips.add("truth row without velocity and neighbour", || row.time_gps.to_string());
+            }
+            let point = TruthPoint { position: row.position, velocity: velocity? };
+            Some(TruthRow { time_gps: row.time_gps, point, quality: row.quality })
+        });
+        let points = points.collect();
+        let truth = Self::from_rows(points, &mut skips);
+        if truth.rows.is_empty() {
+            return Err(TruthError::Empty { rows, skips: skips.to_string() });
         }
         Ok((truth, skips))
     }

@@ -68,7 +68,12 @@ impl Kind {
 
 /// Beginnings that tell a file.
 const BEGINNINGS: [(&[u8], Kind); 17] = [
-    (b"$G", Kind::Other("this looks like NMEA text, which has positions and no observations")),
+    (
+        b"$G",
+        Kind::Other(
+            "this looks like NMEA text, which has positions and no observations; in a session file it may be the truth of a [[phone]]",
+        ),
+    ),
     (b"$@", Kind::Other("this looks like Septentrio SBF; convert it to RINEX")),
     (b"\xb5\x62", Kind::Other("this looks like u-blox UBX; convert it to RINEX")),
     (b"#a", Kind::Sp3),

@@ -27,4 +27,5 @@ pub mod stream;
 pub mod text;
 mod time_order;
 mod time_system;
+pub mod truth;
 pub mod whu;

@@ -6,6 +6,7 @@ use cofix_common::accuracy::Truth;
 use cofix_common::formats::gsdc::ground_truth;
 use cofix_common::formats::packing::{MAX_DECOMPRESSED_BYTES, Packing, decompress};
 use cofix_common::formats::rinex::NavigationDecoder;
+use cofix_common::formats::truth::{nmea, recognise, rtklib_pos};
 use cofix_common::formats::whu::truth_table;
 use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{Products, Sp3};
@@ -66,9 +67,19 @@ fn products(sp3: Vec<Sp3>, navigation: Vec<NavigationFile>) {
     }
 }
 
-/// Ground truth of the challenge, truth tables of the WHU-Smartphone dataset, and our own table.
+/// Ground truth of the challenge, truth tables of the WHU-Smartphone dataset, solutions of RTKLIB, NMEA, and our own table.
 pub fn truth(bytes: &[u8]) {
-    for parsed in [ground_truth(bytes), truth_table(bytes, near()), Truth::parse_csv(bytes)] {
+    let by_content = recognise(bytes);
+    by_content.needs_date(bytes);
+    let readers = [
+        by_content.read(bytes, near()),
+        ground_truth(bytes),
+        truth_table(bytes, near()),
+        rtklib_pos::read(bytes),
+        nmea::read(bytes, near()),
+        Truth::parse_csv(bytes),
+    ];
+    for parsed in readers {
         let Ok((truth, _)) = parsed else { continue };
         let Some((first, last)) = truth.span() else { continue };
         assert!(first <= last && truth.interval_s().is_finite());
