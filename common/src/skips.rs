@@ -21,6 +21,11 @@ pub struct Skip {
 }
 
 impl Skips {
+    /// Nothing skipped.
+    pub const fn new() -> Self {
+        Self { by_reason: BTreeMap::new() }
+    }
+
     /// Counts one skipped thing; `describe` is called only for the first of its reason.
     pub fn add(&mut self, reason: &str, describe: impl FnOnce() -> String) {
         if let Some(skip) = self.by_reason.get_mut(reason) {

@@ -2,11 +2,10 @@
 
 use std::fmt;
 
-use crate::formats::text::content;
-use crate::formats::whu::is_spare_log_line;
 use serde::Serialize;
 
 use super::kinds;
+use super::stream::table;
 
 /// A format that observations are read from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -43,58 +42,12 @@ impl fmt::Display for Format {
 pub const READ_FORMATS: &str = "RINEX 2, 3 and 4 observations, Compact RINEX, GnssLogger text, RTCM 3, challenge tables \
                                 (*_derived.csv, device_gnss.csv) and spare logs of WHU-Smartphone; files may be packed with gzip or compress (.Z)";
 
-/// A log may have this many lines before one tells what it is.
-const LINES_TO_RECOGNISE: usize = 100;
-/// Columns of the label in a RINEX header line.
-const LABEL: std::ops::Range<usize> = 60..80;
-
 /// The text format whose beginning this is, if it can be told yet. RTCM 3 is not recognised here but by its first valid
 /// frame; see [`crate::formats::stream`]. `ended`: nothing more will come.
 ///
 /// RINEX files of other kinds count as [`Format::Rinex`]: its decoder says what they are.
 pub fn recognise_text(start: &[u8], ended: bool) -> Option<Format> {
-    let start = content(start);
-    let complete = start.iter().rposition(|byte| *byte == b'\n');
-    let lines = if ended { start } else { start.get(..complete?)? };
-    let mut lines = lines.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii_end);
-    let first = lines.next().unwrap_or_default();
-    if let Some(format) = rinex(first).or_else(|| challenge_table(first)) {
-        return Some(format);
-    }
-    std::iter::once(first).chain(lines).take(LINES_TO_RECOGNISE).find_map(phone_log)
-}
-
-/// The format of a phone's log that has such a line.
-fn phone_log(line: &[u8]) -> Option<Format> {
-    if is_log_line(line) {
-        return Some(Format::GnssLogger);
-    }
-    is_spare_log_line(line).then_some(Format::SpareLog)
-}
-
-fn rinex(first: &[u8]) -> Option<Format> {
-    let label = first.get(LABEL.start..LABEL.end.min(first.len()))?.trim_ascii();
-    match label.to_ascii_uppercase().as_slice() {
-        b"RINEX VERSION / TYPE" => Some(Format::Rinex),
-        label if label.starts_with(b"CRINEX VERS") => Some(Format::CompactRinex),
-        _ => None,
-    }
-}
-
-fn challenge_table(first: &[u8]) -> Option<Format> {
-    let names = ["millisSinceGpsEpoch", "ArrivalTimeNanosSinceGpsEpoch"];
-    first
-        .split(|byte| *byte == b',')
-        .any(|field| names.iter().any(|name| field.trim_ascii() == name.as_bytes()))
-        .then_some(Format::ChallengeTable)
-}
-
-fn is_log_line(line: &[u8]) -> bool {
-    let comment = line.strip_prefix(b"#").map(<[u8]>::trim_ascii_start);
-    let kind = comment.unwrap_or(line);
-    let kinds: [&[u8]; 4] = [b"Raw,", b"Fix,", b"Nav,", b"Status,"];
-    kinds.iter().any(|name| kind.starts_with(name))
-        || comment.is_some_and(|text| text.starts_with(b"Header Description"))
+    table::recognise_text(start, ended).map(|row| row.format)
 }
 
 /// Beginnings of what is packed. Of recorded files the last two are unpacked before they come here.

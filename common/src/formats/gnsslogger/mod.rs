@@ -29,6 +29,7 @@ mod signal;
 mod stated;
 mod status;
 mod table;
+mod told;
 
 pub use decoder::GnssLoggerDecoder;
 pub use device::Device;
@@ -36,3 +37,4 @@ pub use fix::{Fix, FixProvider};
 pub use options::{BiasReference, KnownTime, Masks, ModularTime, Options, StateRule, StateRules, state};
 pub(crate) use signal::{channel_only, satellite as android_satellite};
 pub use status::SignalStatus;
+pub(crate) use told::is_log_line;

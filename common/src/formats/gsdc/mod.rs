@@ -14,10 +14,12 @@ mod losses;
 mod masks;
 mod row;
 mod signal;
+mod stated;
 mod times;
 mod truth;
 
 pub use derived::{DerivedDecoder, DerivedFile};
+pub(crate) use stated::is_table_header;
 pub use truth::{ground_truth, is_ground_truth};
 
 /// GPS − UTC in the years of the challenges, s (since 2017-01-01).

@@ -21,6 +21,7 @@ mod observation;
 mod observation_file;
 mod observation_record;
 mod pending;
+mod stated;
 mod stream;
 mod types;
 mod types_2;
@@ -32,6 +33,7 @@ pub use header::ObservationHeader;
 pub use navigation_decoder::NavigationDecoder;
 pub use observation::ObservationDecoder;
 pub use observation_file::ObservationFile;
+pub(crate) use stated::{is_compact_first_line, is_first_line};
 pub use types::{ObservationKind, ObservationType};
 pub use writer::{
     ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, navigation_header, navigation_record,

@@ -33,6 +33,7 @@ mod lock;
 mod msm;
 mod navigation;
 mod signals;
+mod stated;
 mod station;
 
 pub use date::FIRST_WEEK;

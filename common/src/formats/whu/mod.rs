@@ -22,6 +22,7 @@
 mod decoder;
 mod epoch;
 mod names;
+mod stated;
 mod truth;
 
 pub use decoder::{SpareLogDecoder, StatedSigmas, is_spare_log_line};

@@ -1,0 +1,109 @@
+//! Which formats there are, and what each is known by.
+
+use crate::formats::format::Format;
+use crate::formats::gnsslogger::{self, GnssLoggerDecoder, is_log_line};
+use crate::formats::gsdc::{DerivedDecoder, is_table_header};
+use crate::formats::rinex::{ObservationDecoder, is_compact_first_line, is_first_line};
+use crate::formats::rtcm::{RtcmDecoder, RtcmOptions, StreamDates};
+use crate::formats::text::content;
+use crate::formats::whu::{SpareLogDecoder, is_spare_log_line};
+use crate::time::{GpsTime, leap_seconds_at};
+
+use super::ObservationStream;
+
+/// A log may have this many lines before one tells what it is.
+const LINES_TO_RECOGNISE: usize = 100;
+
+/// What decoders need to know when they begin.
+#[derive(Clone, Debug)]
+pub(super) struct Opening {
+    /// An instant within three days of the stream's beginning.
+    pub(super) near: GpsTime,
+    /// The dates of a recording of RTCM 3, where they have been found.
+    pub(super) dates: Option<StreamDates>,
+    /// How GnssLogger text is read.
+    pub(super) log: gnsslogger::Options,
+}
+
+/// What a format is known by.
+enum Sign {
+    /// Its first line with content.
+    FirstLine(fn(&[u8]) -> bool),
+    /// Any of the first lines.
+    Line(fn(&[u8]) -> bool),
+    /// Its frames, in the judgement of its decoder ([`ObservationStream::is_recognised`]).
+    Frames,
+}
+
+/// A format, what it is known by, and its decoder.
+pub(in crate::formats) struct Row {
+    pub(in crate::formats) format: Format,
+    sign: Sign,
+    pub(super) open: fn(&Opening) -> Box<dyn ObservationStream>,
+}
+
+impl std::fmt::Debug for Row {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.format.fmt(f)
+    }
+}
+
+static TABLE: [Row; 6] = [
+    Row {
+        format: Format::Rinex,
+        sign: Sign::FirstLine(is_first_line),
+        open: |_| Box::new(ObservationDecoder::default()),
+    },
+    Row {
+        format: Format::CompactRinex,
+        sign: Sign::FirstLine(is_compact_first_line),
+        open: |_| Box::new(ObservationDecoder::default()),
+    },
+    Row {
+        format: Format::ChallengeTable,
+        sign: Sign::FirstLine(is_table_header),
+        open: |opening| {
+            let decoder = DerivedDecoder::new(opening.log.masks.clone());
+            Box::new(decoder.with_shift(opening.log.shift_weeks))
+        },
+    },
+    Row {
+        format: Format::GnssLogger,
+        sign: Sign::Line(is_log_line),
+        open: |opening| Box::new(GnssLoggerDecoder::new(opening.log.clone())),
+    },
+    Row {
+        format: Format::SpareLog,
+        sign: Sign::Line(is_spare_log_line),
+        open: |_| Box::new(SpareLogDecoder::default()),
+    },
+    Row { format: Format::Rtcm3, sign: Sign::Frames, open: |opening| Box::new(rtcm(opening)) },
+];
+
+fn rtcm(opening: &Opening) -> RtcmDecoder {
+    // UTC is behind by seconds only: the same number except around a leap second itself.
+    let leap_seconds = u8::try_from(leap_seconds_at(opening.near)).unwrap_or(0);
+    let decoder = RtcmDecoder::new(RtcmOptions { near: opening.near, leap_seconds });
+    match &opening.dates {
+        Some(dates) => decoder.with_dates(dates),
+        None => decoder,
+    }
+}
+
+/// Decoders of all formats that are known by their frames.
+pub(super) fn probes(opening: &Opening) -> Vec<(&'static Row, Box<dyn ObservationStream>)> {
+    let by_frames = TABLE.iter().filter(|row| matches!(row.sign, Sign::Frames));
+    by_frames.map(|row| (row, (row.open)(opening))).collect()
+}
+
+/// The text format whose beginning this is, if it can be told yet. `ended`: nothing more will come.
+pub(in crate::formats) fn recognise_text(start: &[u8], ended: bool) -> Option<&'static Row> {
+    let start = content(start);
+    let complete = start.iter().rposition(|byte| *byte == b'\n');
+    let lines = if ended { start } else { start.get(..complete?)? };
+    let mut lines = lines.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii_end);
+    let first = lines.next().unwrap_or_default();
+    let by_first = TABLE.iter().find(|row| matches!(row.sign, Sign::FirstLine(is_it) if is_it(first)));
+    let by_line = |line: &[u8]| TABLE.iter().find(|row| matches!(row.sign, Sign::Line(is_it) if is_it(line)));
+    by_first.or_else(|| std::iter::once(first).chain(lines).take(LINES_TO_RECOGNISE).find_map(by_line))
+}
