@@ -102,7 +102,7 @@ fn mean(phones: &ByPhone, value: fn(&Accuracy) -> f64) -> f64 {
     scored.iter().map(|accuracy| value(accuracy)).sum::<f64>() / scored.len() as f64
 }
 
-/// The bounds are those of the README's table with some room; they fail when cooperation is lost.
+/// The bounds are those of the table in docs/results.md with some room; they fail when cooperation is lost.
 #[test]
 fn cooperation_wins_in_the_demonstration() {
     let (mut local, mut joint) = ([0.0; 2], [0.0; 2]);

@@ -57,7 +57,7 @@ impl FilterOptions {
 
 impl Default for FilterOptions {
     /// Our own, for road vehicles: round values between those that searches on two recorded sessions found, checked on a
-    /// third; see the README.
+    /// third; see docs/results.md.
     fn default() -> Self {
         Self {
             process: ProcessNoise { horizontal_m2ps5: 0.5, vertical_m2ps5: 0.005, acceleration_time_s: 5.0 },

@@ -76,7 +76,7 @@ impl StochasticModel {
 }
 
 impl Default for StochasticModel {
-    /// Our own: round values between those that searches on two recorded sessions found, checked on a third; see the README.
+    /// Our own: round values between those that searches on two recorded sessions found, checked on a third; see docs/results.md.
     fn default() -> Self {
         Self {
             code: VarianceModel::Sum { a: 1.0, b: 20_000.0, zenith: 0.5 },
