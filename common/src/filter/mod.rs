@@ -1,4 +1,24 @@
 //! The joint Kalman filter over K ≥ 1 phones; the agent's local filter is the case K = 1.
+//!
+//! ```
+//! # use std::sync::Arc;
+//! # use cofix_common::simulation::{Scenario, Simulation};
+//! # let simulation = Simulation::new(Scenario { duration_s: 10.0, ..Scenario::default() })?;
+//! # let simulated = simulation.epochs(0).next().ok_or("no epoch")?;
+//! # let (epoch, products) = (simulated.epoch, Arc::new(simulation.products()));
+//! use cofix_common::filter::{FilterOptions, JointFilter, Start};
+//! # use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
+//!
+//! # let mut pipeline = PhonePipeline::new("SIM1", products, PipelineOptions::default());
+//! # let message = pipeline.process(&epoch);
+//! # let solution = message.wls.ok_or("no solution")?;
+//! let mut filter = JointFilter::new(FilterOptions::default());
+//! filter.insert(0, epoch.time_gps, &Start::at_solution(&solution, message.raim.verdict));
+//! filter.predict(epoch.time_gps + 1.0);
+//! filter.update(0, &message.observations);
+//! println!("{:?}", filter.state(0).ok_or("no state")?.position());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod joint;
 mod options;

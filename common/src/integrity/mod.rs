@@ -1,4 +1,26 @@
 //! Receiver autonomous integrity monitoring (Cappello 2023).
+//!
+//! ```
+//! # use std::sync::Arc;
+//! # use cofix_common::simulation::{Scenario, Simulation};
+//! # let simulation = Simulation::new(Scenario { duration_s: 10.0, ..Scenario::default() })?;
+//! # let simulated = simulation.epochs(0).next().ok_or("no epoch")?;
+//! # let (epoch, products) = (simulated.epoch, Arc::new(simulation.products()));
+//! # use cofix_common::frames::Ecef;
+//! # use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};
+//! # use cofix_common::solve::solve_position;
+//! use cofix_common::integrity::{RaimOptions, solve_with_raim};
+//!
+//! # let mut corrector = Corrector::new(products, CorrectionOptions::default());
+//! # let prepared = corrector.prepare(&epoch);
+//! # // Without a position there is no elevation yet, and no atmosphere: a first solution comes first.
+//! # let rough = solve_position(&without_position(&prepared), Ecef::new(0.0, 0.0, 0.0))?;
+//! # let (mut corrected, _) = corrector.finish(&prepared, rough.position(), epoch.time_gps);
+//! corrected[0].pseudorange_m += 300.0;
+//! let monitored = solve_with_raim(&mut corrected, rough.position(), &RaimOptions::default());
+//! assert!(monitored.report.excluded >= 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod exclusion;
 

@@ -1,5 +1,17 @@
 //! Satellite position, velocity and clock, from precise (SP3, RINEX clocks) or broadcast (Kepler, GLONASS) orbits, and group
 //! delays from biases (Bias-SINEX) or navigation messages.
+//!
+//! ```
+//! # use std::sync::Arc;
+//! # use cofix_common::simulation::{Scenario, Simulation};
+//! # let simulation = Simulation::new(Scenario { duration_s: 10.0, ..Scenario::default() })?;
+//! # let simulated = simulation.epochs(0).next().ok_or("no epoch")?;
+//! # let (epoch, products) = (simulated.epoch, Arc::new(simulation.products()));
+//! let satellite = epoch.observations[0].satellite;
+//! let state = products.satellite_state(satellite, epoch.time_gps)?;
+//! println!("{satellite}: {} m from the Earth's centre, clock {:e} s", state.position.0.norm(), state.clock_s);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod accuracy_index;
 mod biases;

@@ -1,4 +1,25 @@
 //! Epoch-wise weighted least squares: position, clocks, velocity, dilution of precision.
+//!
+//! ```
+//! # use std::sync::Arc;
+//! # use cofix_common::simulation::{Scenario, Simulation};
+//! # let simulation = Simulation::new(Scenario { duration_s: 10.0, ..Scenario::default() })?;
+//! # let simulated = simulation.epochs(0).next().ok_or("no epoch")?;
+//! # let (epoch, products) = (simulated.epoch, Arc::new(simulation.products()));
+//! # use cofix_common::frames::Ecef;
+//! # use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};
+//! use cofix_common::solve::{solve_position, solve_velocity};
+//!
+//! # let mut corrector = Corrector::new(products, CorrectionOptions::default());
+//! # let prepared = corrector.prepare(&epoch);
+//! # // Without a position there is no elevation yet, and no atmosphere: a first solution comes first.
+//! # let rough = solve_position(&without_position(&prepared), Ecef::new(0.0, 0.0, 0.0))?;
+//! # let (corrected, _) = corrector.finish(&prepared, rough.position(), epoch.time_gps);
+//! let fit = solve_position(&corrected, rough.position())?;
+//! let solution = fit.to_solution(solve_velocity(&corrected, fit.position())).ok_or("singular")?;
+//! println!("{:?}, {} signals", solution.position.ecef_to_geodetic(), solution.used);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub(crate) mod elimination;
 pub(crate) mod groups;

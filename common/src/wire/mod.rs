@@ -5,6 +5,22 @@
 //!
 //! Decoding trusts nothing: size, version, kind and length are checked and a decoded message may still
 //! carry absurd values, which [`EpochMessage::validate`] and [`EpochMessage::sanitise`] look for.
+//!
+//! ```
+//! # use std::sync::Arc;
+//! # use cofix_common::simulation::{Scenario, Simulation};
+//! # let simulation = Simulation::new(Scenario { duration_s: 10.0, ..Scenario::default() })?;
+//! # let simulated = simulation.epochs(0).next().ok_or("no epoch")?;
+//! # let (epoch, products) = (simulated.epoch, Arc::new(simulation.products()));
+//! use cofix_common::wire::{EpochMessage, decode, encode, epoch_key};
+//! # use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
+//!
+//! # let message = PhonePipeline::new("SIM1", products, PipelineOptions::default()).process(&epoch);
+//! let key = epoch_key("group", &message.phone);
+//! let bytes = encode(&message)?;
+//! assert_eq!(decode::<EpochMessage>(&bytes)?, message, "{key:?}");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod encoding;
 #[cfg(test)]

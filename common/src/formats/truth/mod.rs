@@ -18,13 +18,16 @@ use crate::accuracy::{Truth, TruthError};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
+/// A trajectory and what was skipped, or why there is none.
+type Reading = Result<(Truth, Skips), TruthError>;
+
 /// A format of reference trajectories.
 pub struct TruthFormat {
     /// Name for messages.
     pub name: &'static str,
     is_it: fn(&[u8]) -> bool,
     needs_date: fn(&[u8]) -> bool,
-    read: fn(&[u8], GpsTime) -> Result<(Truth, Skips), TruthError>,
+    read: fn(&[u8], GpsTime) -> Reading,
 }
 
 impl TruthFormat {

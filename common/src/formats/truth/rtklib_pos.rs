@@ -48,7 +48,8 @@ pub fn read(bytes: &[u8]) -> Result<(Truth, Skips), TruthError> {
         match layout.row(&words) {
             Some(row) => positions.push(row),
             None => {
-                skips.add("truth row unreadable", || format!("line {number}: '{}'", shorten(line.as_bytes())))
+                skips
+                    .add("truth row unreadable", || format!("line {number}: '{}'", shorten(line.as_bytes())));
             }
         }
     }
@@ -133,13 +134,12 @@ impl Layout {
 
     fn time(&self, words: &[&str]) -> Option<GpsTime> {
         let [first, second] = words else { return None };
-        let own = match calendar(first, second) {
-            Some(calendar) => GpsTime::from_calendar(calendar)?,
-            None => {
-                let (week, tow_s) = (first.parse().ok()?, number(second)?);
-                let is_time = (0..10_000).contains(&week) && (0.0..=604_800.0).contains(&tow_s);
-                is_time.then(|| GpsTime::from_week_tow(week, tow_s))?
-            }
+        let own = if let Some(calendar) = calendar(first, second) {
+            GpsTime::from_calendar(calendar)?
+        } else {
+            let (week, tow_s) = (first.parse().ok()?, number(second)?);
+            let is_time = (0..10_000).contains(&week) && (0.0..=604_800.0).contains(&tow_s);
+            is_time.then(|| GpsTime::from_week_tow(week, tow_s))?
         };
         Some(match self.clock {
             Clock::Gpst => own,
