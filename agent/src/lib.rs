@@ -28,6 +28,7 @@ pub mod records;
 mod run;
 pub mod signals;
 pub mod source;
+mod source_error;
 pub mod status;
 mod stop;
 

@@ -12,7 +12,7 @@ const SLICES: (Duration, Duration) = (Duration::from_secs(1), Duration::from_sec
 /// A session that cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// An endpoint that is none.
+    /// Text that is no endpoint.
     #[error("endpoint '{endpoints}': {reason}; write for example tcp/127.0.0.1:7447")]
     Endpoint {
         /// What was given.

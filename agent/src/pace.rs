@@ -30,7 +30,7 @@ impl Pace {
         }
     }
 
-    /// The epoch of `first` is due in so many seconds; below zero, it was due some time ago.
+    /// The epoch of `first` is due in `due_in_s` seconds; a negative number lies in the past.
     pub(crate) fn set(&mut self, first: GpsTime, due_in_s: f64) {
         let now = Instant::now();
         let apart = Duration::try_from_secs_f64(due_in_s.abs()).unwrap_or_default();

@@ -15,7 +15,7 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
 use crate::kinds;
-use crate::source::{SourceError, with_hint};
+use crate::source_error::{SourceError, with_hint};
 use crate::{ProductFiles, ProductSource, Stop};
 use cofix_common::formats::stream::StreamDecoder;
 

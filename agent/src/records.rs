@@ -95,7 +95,7 @@ impl Records {
                 self.count_break();
                 self.decoder.interrupt()?;
             }
-            Portion::Anew => {
+            Portion::Restarted => {
                 self.count_break();
                 // What it was does not matter any more.
                 let _ = self.decoder.finish();
@@ -103,7 +103,7 @@ impl Records {
             }
             Portion::End => self.end(stop)?,
             Portion::Lost => {
-                let reason = self.bytes.last_words().unwrap_or("no reason is known").to_owned();
+                let reason = self.bytes.failure_reason().unwrap_or("no reason is known").to_owned();
                 self.skips.add("source ended before its end", || reason);
                 self.end(stop)?;
             }
@@ -122,7 +122,7 @@ impl Records {
         self.ended = true;
         match self.decoder.finish() {
             Err(_) if stop.is_requested() => Ok(()),
-            Err(wrong) => match self.bytes.last_words() {
+            Err(wrong) => match self.bytes.failure_reason() {
                 None => Err(wrong.into()),
                 // Why the source failed tells more than what its rest looks like.
                 Some(reason) => Err(RecordsError::Read(std::io::Error::other(reason.to_owned()))),

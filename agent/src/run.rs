@@ -15,6 +15,7 @@ use crate::pace::Pace;
 use crate::products::{Loaded, OwnNavigation, note_shortcomings};
 use crate::publication::{Publication, PublicationError, Publisher};
 use crate::source::{self, Opened, Reading, SourceError};
+use crate::source_error;
 use crate::{AgentConfig, Source, Speed, Stop};
 use cofix_common::pipeline::{NO_SOLUTION, PhonePipeline};
 
@@ -312,7 +313,7 @@ impl Work<'_> {
 fn some_epoch(config: &AgentConfig, published: u64, skips: &Skips, stop: &Stop) -> Result<(), AgentError> {
     match &config.source {
         Source::Live { from, .. } if published == 0 && !stop.is_requested() => {
-            let cause = format!("it ended without one epoch{}", source::and_skipped(skips));
+            let cause = format!("it ended without one epoch{}", source_error::and_skipped(skips));
             Err(SourceError::Live { name: from.to_string(), cause: std::io::Error::other(cause) }.into())
         }
         _ => Ok(()),

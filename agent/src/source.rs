@@ -4,8 +4,7 @@
 //! navigation messages it carries), then epoch by epoch. So it need not fit into memory, and **its own navigation messages
 //! serve the epochs before them too**, as those of a navigation file do. From a live source a message serves from its arrival on.
 
-use std::fmt::Display;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::slice;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -27,48 +26,10 @@ use crate::{Source, Stop};
 use cofix_common::formats::format::Format;
 
 pub use crate::products::products;
+pub use crate::source_error::SourceError;
+use crate::source_error::{no_epoch, with_hint};
 
 const KIND: &str = cofix_common::formats::kinds::OBSERVATIONS;
-
-/// A source that cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum SourceError {
-    /// It cannot be read.
-    #[error("{}: cannot read the {kind} file: {cause}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What it should be.
-        kind: &'static str,
-        /// Why.
-        cause: std::io::Error,
-    },
-    /// A live source fails.
-    #[error("no observations: {}", once_named(name, cause))]
-    Live {
-        /// The source.
-        name: String,
-        /// Why.
-        cause: std::io::Error,
-    },
-    /// It is not what it should be.
-    #[error("{source_name}: not usable as {kind} file: {reason}")]
-    Unusable {
-        /// The file or live source.
-        source_name: String,
-        /// What it should be.
-        kind: &'static str,
-        /// What the parser says.
-        reason: String,
-    },
-    /// There is no product at all.
-    #[error(
-        "no orbits: name at least one SP3 or RINEX navigation file that has some (the observations carry neither navigation \
-         messages nor states of satellites by the phone; a challenge table carries its own satellite states: \
-         --recorded-corrections, or recorded_corrections = true in a session)"
-    )]
-    NoProducts,
-}
 
 /// How recordings are read.
 #[derive(Clone, Debug, Default)]
@@ -170,12 +131,6 @@ pub(crate) fn file_error(path: &Path, error: RecordsError) -> SourceError {
     source_error(&path.display().to_string(), Some(path), error)
 }
 
-/// A source's name and what went wrong, the name once.
-pub(crate) fn once_named(name: &str, error: &impl Display) -> String {
-    let error = error.to_string();
-    if error.starts_with(name) { error } else { format!("{name}: {error}") }
-}
-
 fn source_error(name: &str, path: Option<&Path>, error: RecordsError) -> SourceError {
     match (error, path) {
         (RecordsError::Read(cause), Some(path)) => {
@@ -187,14 +142,6 @@ fn source_error(name: &str, path: Option<&Path>, error: RecordsError) -> SourceE
             let reason = with_hint(wrong.reason, hint);
             SourceError::Unusable { source_name: name.to_owned(), kind: KIND, reason }
         }
-    }
-}
-
-/// A reason with what the file looks like, unless it says so already.
-pub(crate) fn with_hint(reason: String, hint: Option<&str>) -> String {
-    match hint {
-        Some(hint) if !reason.contains(hint) => format!("{reason}; {hint}"),
-        _ => reason,
     }
 }
 
@@ -258,20 +205,4 @@ pub fn survey(source: &Source, reading: &Reading, stop: &Stop) -> Result<Survey,
         }
         _ => Ok(survey),
     }
-}
-
-/// A source of observations that brought no epoch, and what was skipped of it.
-pub(crate) fn no_epoch(name: &str, skips: &Skips) -> SourceError {
-    nothing_in(name, KIND, "epoch", skips)
-}
-
-/// A file of a kind without one of what it is for, and what was skipped of it.
-pub(crate) fn nothing_in(name: &str, kind: &'static str, what: &str, skips: &Skips) -> SourceError {
-    let reason = format!("it holds no {what}{}", and_skipped(skips));
-    SourceError::Unusable { source_name: name.to_owned(), kind, reason }
-}
-
-/// The end of a sentence that says what was skipped.
-pub(crate) fn and_skipped(skips: &Skips) -> String {
-    if skips.is_empty() { String::new() } else { format!("; skipped: {skips}") }
 }

@@ -62,7 +62,7 @@ pub struct Group {
     now: Duration,
     /// When gaps were last looked at.
     recovered_at: Option<Duration>,
-    /// By phone, how many epochs of agents that have ended are missing, and since when so many.
+    /// By phone: number of missing epochs of agents that have ended, and since when the number has not changed.
     missing: Vec<Option<(u64, Duration)>>,
     /// By phone, whether an agent is there.
     alive: Vec<bool>,

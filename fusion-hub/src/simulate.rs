@@ -51,7 +51,7 @@ impl Kind {
         }
     }
 
-    /// The scenario with so many phones, or as many as it usually has.
+    /// The scenario with `phones` phones, or with its usual number.
     pub fn scenario(self, phones: Option<u8>) -> Scenario {
         let phones = |usually: u8| usize::from(phones.unwrap_or(usually));
         match self {

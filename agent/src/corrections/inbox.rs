@@ -14,7 +14,7 @@ use crate::Stop;
 use crate::input::LiveSource;
 use crate::input::ntrip::RoverPosition;
 use crate::records::{Records, RecordsError};
-use crate::source::once_named;
+use crate::source_error::once_named;
 
 /// Records that wait for the rover's next epoch at most; epochs at 1 Hz for a quarter of an hour.
 const MOST_WAITING: usize = 1_000;

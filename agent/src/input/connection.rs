@@ -3,7 +3,6 @@
 use std::io::{self, Read};
 use std::time::{Duration, Instant};
 
-use super::tcp::Plain;
 use super::{Bytes, PORTION_BYTES, Portion};
 use crate::Stop;
 
@@ -97,15 +96,10 @@ pub struct Connected {
     interrupted: bool,
     /// Whether bytes ever came.
     has_served: bool,
-    last_words: Option<String>,
+    failure_reason: Option<String>,
 }
 
 impl Connected {
-    /// A connection to `HOST:PORT`, opened when bytes are first asked for.
-    pub fn new(address: &str, backoff: Backoff) -> Self {
-        Self::by(Box::new(Plain::new(address)), backoff)
-    }
-
     /// A connection that is made in a way of its own, when bytes are first asked for.
     pub fn by(dial: Box<dyn Dial>, backoff: Backoff) -> Self {
         Self {
@@ -119,7 +113,7 @@ impl Connected {
             silent_since: Instant::now(),
             interrupted: false,
             has_served: false,
-            last_words: None,
+            failure_reason: None,
         }
     }
 
@@ -147,7 +141,7 @@ impl Connected {
             Err(_) if stop.is_requested() => {}
             Err(DialError::Refused(reason)) if !self.has_served => {
                 self.attempts = self.backoff.attempts;
-                self.last_words = Some(format!("{}: {reason}", self.dial.name()));
+                self.failure_reason = Some(format!("{}: {reason}", self.dial.name()));
             }
             Err(DialError::Failed(reason) | DialError::Refused(reason)) => self.failed(&reason),
         }
@@ -167,7 +161,7 @@ impl Connected {
             let wait_s = self.wait_due().as_secs_f64();
             tracing::warn!("{name}: {reason}; trying again in {wait_s} s");
         }
-        self.last_words = Some(format!("{name}: {reason}; {attempts} attempts in a row brought no byte"));
+        self.failure_reason = Some(format!("{name}: {reason}; {attempts} attempts in a row brought no byte"));
     }
 
     /// Reads once; `None` when nothing came in time or the connection was lost.
@@ -224,8 +218,8 @@ impl Bytes for Connected {
         }
     }
 
-    fn last_words(&self) -> Option<&str> {
-        self.last_words.as_deref()
+    fn failure_reason(&self) -> Option<&str> {
+        self.failure_reason.as_deref()
     }
 }
 

@@ -14,7 +14,7 @@ pub struct Recorded {
     reader: Box<dyn Read + Send>,
     taken: u64,
     packing: Option<Packing>,
-    last_words: Option<String>,
+    failure_reason: Option<String>,
 }
 
 impl Recorded {
@@ -32,13 +32,13 @@ impl Recorded {
             Some(packing) => packing.expand(file),
             None => Box::new(file),
         };
-        Ok(Self { reader, taken: 0, packing, last_words: None })
+        Ok(Self { reader, taken: 0, packing, failure_reason: None })
     }
 
     /// A damaged archive is used as far as it goes.
     fn damaged(&mut self, packing: Packing, error: &io::Error) -> Portion {
         let taken = self.taken;
-        self.last_words =
+        self.failure_reason =
             Some(format!("{packing} data is damaged or cut off after {taken} expanded bytes ({error})"));
         Portion::Lost
     }
@@ -66,7 +66,7 @@ impl Bytes for Recorded {
         }
     }
 
-    fn last_words(&self) -> Option<&str> {
-        self.last_words.as_deref()
+    fn failure_reason(&self) -> Option<&str> {
+        self.failure_reason.as_deref()
     }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::{Bytes, LOOK, PORTION_BYTES, Portion};
 use crate::Stop;
 
-/// So many of the bytes that were read last tell whether a file goes on or is another one.
+/// Number of bytes before the reading position that are compared to tell whether a file goes on or was replaced.
 const REMEMBERED_BYTES: usize = 256;
 
 /// A growing file, from its beginning on, until a stop is requested. One that is not there yet is waited for: the agent may be started
@@ -146,7 +146,7 @@ impl Bytes for Followed {
                     self.open_again();
                     (self.at, self.last) = (0, Vec::new());
                     tracing::warn!("{} was written anew; reading it from its beginning", self.path.display());
-                    return Ok(Portion::Anew);
+                    return Ok(Portion::Restarted);
                 }
             }
         }

@@ -36,10 +36,10 @@ pub enum Portion {
     /// What follows does not continue what came before: a connection was lost.
     Broken,
     /// What follows is another file, from its beginning.
-    Anew,
+    Restarted,
     /// Nothing more comes: the end, or a request to stop.
     End,
-    /// Nothing more comes although more was to come: the reason is in [`Bytes::last_words`].
+    /// Nothing more comes although more was to come: the reason is in [`Bytes::failure_reason`].
     Lost,
 }
 
@@ -53,7 +53,7 @@ pub trait Bytes {
     fn next(&mut self, buffer: &mut Vec<u8>, stop: &Stop) -> std::io::Result<Portion>;
 
     /// Why the source was [`Portion::Lost`].
-    fn last_words(&self) -> Option<&str> {
+    fn failure_reason(&self) -> Option<&str> {
         None
     }
 }

@@ -12,7 +12,7 @@ const WAITING: usize = 16;
 /// A blocking reader on a thread of its own, so that a request to stop is heard while nothing comes.
 pub struct Piped {
     portions: Receiver<io::Result<Vec<u8>>>,
-    last_words: Option<String>,
+    failure_reason: Option<String>,
 }
 
 impl Piped {
@@ -23,7 +23,7 @@ impl Piped {
     pub fn start(reader: impl Read + Send + 'static) -> io::Result<Self> {
         let (sender, portions) = sync_channel(WAITING);
         std::thread::Builder::new().name("input".to_owned()).spawn(move || pump(reader, &sender))?;
-        Ok(Self { portions, last_words: None })
+        Ok(Self { portions, failure_reason: None })
     }
 }
 
@@ -55,7 +55,7 @@ impl Bytes for Piped {
                     return Ok(Portion::Bytes);
                 }
                 Ok(Err(error)) => {
-                    self.last_words = Some(format!("the input failed: {error}"));
+                    self.failure_reason = Some(format!("the input failed: {error}"));
                     return Ok(Portion::Lost);
                 }
                 Err(RecvTimeoutError::Timeout) => {}
@@ -64,7 +64,7 @@ impl Bytes for Piped {
         }
     }
 
-    fn last_words(&self) -> Option<&str> {
-        self.last_words.as_deref()
+    fn failure_reason(&self) -> Option<&str> {
+        self.failure_reason.as_deref()
     }
 }

@@ -5,11 +5,18 @@ use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
 use super::LOOK;
-use super::connection::{Dial, DialError};
+use super::connection::{Backoff, Connected, Dial, DialError};
 use crate::Stop;
 
 /// Longest wait for a server to accept, or to take what is written.
 const ACCEPT: Duration = Duration::from_secs(5);
+
+impl Connected {
+    /// A connection to `HOST:PORT`, opened when bytes are first asked for.
+    pub fn new(address: &str, backoff: Backoff) -> Self {
+        Self::by(Box::new(Plain::new(address)), backoff)
+    }
+}
 
 /// A server that sends as soon as somebody connects.
 pub(super) struct Plain {

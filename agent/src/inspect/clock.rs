@@ -15,14 +15,14 @@ const DISTINCT: usize = 10_000;
 const SMALLEST_M: f64 = 100.0;
 /// Epochs further apart than this are not compared, s: the rates of two epochs do not predict what lies between.
 const LONGEST_S: f64 = 5.0;
-/// Satellites that must agree.
+/// Fewest satellites by which a clock is compared.
 const ENOUGH: usize = 4;
-/// Most of them must agree with the median within this share of it, and within [`SMALLEST_M`].
+/// Share of the median within which most satellites must agree with it, beside [`SMALLEST_M`].
 const AGREE: f64 = 0.1;
 
-/// The drift between pseudoranges and Doppler is the median over so many epochs,
+/// Number of epochs whose median gives the drift between pseudoranges and Doppler.
 const HISTORY: usize = 15;
-/// and known once there were so many.
+/// Number of epochs after which that drift counts as known.
 const KNOWN_AFTER: usize = 3;
 
 /// A jump.

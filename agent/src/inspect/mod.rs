@@ -29,6 +29,7 @@ pub use trial::Trial;
 
 use crate::products::{Loaded, NAVIGATION, OwnNavigation, is_navigation_file};
 use crate::source::{self, Reading, SourceError};
+use crate::source_error;
 use crate::{ProductSource, Stop};
 use cofix_common::formats::format::Format;
 use cofix_common::formats::phone::PhoneReport;
@@ -134,10 +135,10 @@ impl Inspected {
                 if recording.epochs > 0 || ephemerides {
                     return Ok(());
                 }
-                Err(source::no_epoch(&recording.file, &recording.skips))
+                Err(source_error::no_epoch(&recording.file, &recording.skips))
             }
             Self::Navigation(navigation) if navigation.messages.is_empty() => {
-                Err(source::nothing_in(&navigation.file, NAVIGATION, "message", &navigation.skips))
+                Err(source_error::nothing_in(&navigation.file, NAVIGATION, "message", &navigation.skips))
             }
             Self::Navigation(_) => Ok(()),
         }

@@ -10,7 +10,7 @@ use super::Mask;
 
 /// A signal is duty-cycled when more than this share of its phases begin anew,
 const DUTY_CYCLED: f64 = 0.5;
-/// and there are at least so many.
+/// Fewest phases for which duty cycling is judged.
 const ENOUGH_PHASES: u64 = 10;
 
 /// Smallest, mean and largest.

@@ -17,9 +17,9 @@ use cofix_common::wire::EpochMessage;
 
 pub use board::Board;
 
-/// The rate of epochs is that of the last so many seconds.
+/// Span over which the rate of epochs is counted.
 const RATE_WINDOW: Duration = Duration::from_secs(10);
-/// The same alarm about a phone comes at most as often.
+/// Shortest time between two alarms of the same kind about a phone.
 const QUIET: Duration = Duration::from_mins(1);
 /// Epochs that are further from the computer's clock, s, are those of a recording, of which it says nothing.
 const RECORDING_S: f64 = 30.0 * 86_400.0;

@@ -6,7 +6,7 @@ use super::{Solution, Truth};
 use crate::frames::LocalFrame;
 use crate::time::GpsTime;
 
-/// At most so many solutions are compared, evenly taken.
+/// Largest number of solutions that are compared, taken at equal distances.
 const MOST_SAMPLES: usize = 400;
 /// Fewer comparisons tell nothing.
 const FEWEST_SAMPLES: usize = 20;

@@ -217,8 +217,8 @@ impl JointFilter {
         slot.rejecting = if 2 * kept < offered { slot.rejecting + 1 } else { 0 };
     }
 
-    /// Whether a phone's prediction has contradicted most of its pseudoranges for so many epochs running that the
-    /// prediction is what is wrong: it should start anew.
+    /// Whether a phone's prediction has contradicted most of its pseudoranges for five epochs in succession. The
+    /// prediction is then wrong, and the phone should be initialised again.
     pub fn is_lost(&self, slot: usize) -> bool {
         self.slots.get(slot).is_some_and(|slot| slot.rejecting >= LOST_AFTER)
     }

@@ -55,7 +55,7 @@ use track::{Accepted, Place, Presence, Track, Waiting};
 
 /// Live: most messages of a phone that wait for the others; at 1 Hz some hours and some hundred megabytes.
 const MAXIMUM_WAITING: usize = 20_000;
-/// Live: a phone whose epochs come more than so many times as fast as time is not played by the clock.
+/// Live: speed (epoch time per wall time) above which a phone counts as not paced by any clock.
 pub const UNPACED: f64 = 100.0;
 
 /// Why the aligner drops epochs that an agent published and nobody else gave.

@@ -29,7 +29,7 @@ impl Mount {
         Self { forward_m, right_m, up_m, faces_rad: 0.0, body_loss_db: 0.0, cabin_loss_db: 0.0 }
     }
 
-    /// Behind glass, facing so many degrees clockwise from the vehicle's heading.
+    /// Behind glass that faces `faces_deg` degrees clockwise from the vehicle's heading.
     pub const fn behind_glass(forward_m: f64, right_m: f64, faces_deg: f64) -> Self {
         let faces_rad = faces_deg.to_radians();
         Self { faces_rad, body_loss_db: BODY_LOSS_DB, ..Self::open(forward_m, right_m, 0.0) }

@@ -288,7 +288,7 @@ mod tests {
         }
     }
 
-    /// A direction so many degrees clockwise from the road's.
+    /// A direction `from_road_deg` degrees clockwise from the road's.
     fn direction(from_road_deg: f64, elevation_deg: f64) -> Direction {
         Direction {
             azimuth_rad: (HEADING_DEG + from_road_deg).to_radians(),

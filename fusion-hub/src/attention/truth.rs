@@ -13,7 +13,7 @@ const HEIGHT_OFFSET_M: f64 = 8.0;
 const HORIZONTAL_OFFSET_M: f64 = 3.0;
 /// GPS time was so much ahead of UTC since 2006.
 const LEAP_SECONDS_S: std::ops::RangeInclusive<f64> = 13.9..=18.1;
-/// A joint filter whose 95th percentile is so many times the phones' own has been misled.
+/// Ratio of the joint filter's 95th percentile to the phones' own from which on the constraints are named as misleading.
 const MISLED: f64 = 1.2;
 /// Normalised squared errors beyond this mean that sigmas are less than half of what they should be.
 const PROMISES_TOO_MUCH: f64 = 10.0;

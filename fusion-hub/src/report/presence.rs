@@ -2,7 +2,7 @@
 
 use cofix_common::time::GpsTime;
 
-/// A step longer than so many of the phone's shortest ones is a gap, of which so much counts.
+/// Number of the phone's shortest steps beyond which a step is a gap; of a gap this length counts as covered.
 const GAP_STEPS: f64 = 5.0;
 
 /// The time that a phone's epochs cover, whatever their rate and whether other phones have epochs between them.

@@ -21,7 +21,7 @@ pub(super) fn sentence(position: Ecef, time: GpsTime) -> String {
     format!("${content}*{checksum:02X}\r\n")
 }
 
-/// `ddmm.mmmmm` with so many digits of degrees, and the letter of the sign.
+/// `ddmm.mmmmm` with `digits` digits of degrees, and the letter of the sign.
 fn degrees_and_minutes(angle_deg: f64, digits: usize, (positive, negative): (char, char)) -> (String, char) {
     // Rounded first: 59.999999 minutes are a degree.
     let minutes = (angle_deg.abs() * 60.0 * 1e5).round() / 1e5;

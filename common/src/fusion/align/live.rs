@@ -8,9 +8,9 @@ use crate::time::GpsTime;
 use super::track::{Presence, Track};
 use super::{Aligner, Next, UNPACED};
 
-/// A phone whose epochs come more slowly than so many times the speed of time falls behind.
+/// Speed (epoch time per wall time) below which a phone counts as falling behind.
 const SLOW: f64 = 0.9;
-/// A phone that is as far behind, s, is taken to be of another time rather than late.
+/// Lag, s, from which on a phone counts as being of another time and not as late.
 const ANOTHER_TIME_S: f64 = 60.0;
 
 /// The time of a call, by the caller's steady clock, and GPS time by the clock of its computer.

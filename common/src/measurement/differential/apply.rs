@@ -8,7 +8,7 @@ use crate::gnss::Constellation;
 use crate::measurement::pair::variance_factor;
 use crate::time::GpsTime;
 
-/// A satellite that a base's last epoch lacks is looked for in so many before it.
+/// Number of earlier epochs in which a satellite is looked for that a base's last epoch lacks.
 const LOOK_BACK: usize = 3;
 /// Elevations below this (sine) count as this: 1/sin e has no bound.
 const LOWEST_SINE: f64 = 0.1;

@@ -75,7 +75,7 @@ pub struct DifferentialOptions {
     pub other_code_sigma_m: f64,
     /// What becomes of signals without a correction beside others that have one.
     pub uncorrected: Uncorrected,
-    /// A base's signal that is so many robust standard deviations from its fellows is refused.
+    /// Robust standard deviations from the median of its group beyond which a base's signal is refused.
     pub outlier_sigmas: f64,
 }
 
