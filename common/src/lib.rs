@@ -79,6 +79,7 @@ pub mod integrity;
 pub mod measurement;
 pub mod orbit;
 pub mod pipeline;
+pub mod recording;
 pub mod simulation;
 pub mod skips;
 pub mod solve;

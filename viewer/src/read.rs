@@ -9,7 +9,7 @@ use rerun::external::re_log_encoding::{CodecError, DecodeError, DecoderApp};
 use rerun::external::re_log_types::{LogMsg, StoreId};
 use rerun::log::Chunk;
 
-use crate::summary::SummaryError;
+use crate::error::SummaryError;
 
 /// What a file holds.
 pub(crate) struct Contents {

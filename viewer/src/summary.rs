@@ -4,48 +4,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use cofix_common::recording::{
+    ACCURACY, APPLICATION_ID, CONSTRAINTS, DISTANCES, INCOMPLETE, PHONES, SATELLITES, TIMELINE,
+};
 use cofix_common::time::GpsTime;
 use rerun::external::re_log_types::StoreId;
 use rerun::log::Chunk;
 use rerun::{EntityPath, EntityPathPart, RecordingInfo, TextDocument};
 
+pub use crate::error::SummaryError;
 use crate::read::{Contents, read};
-use crate::{APPLICATION_ID, INCOMPLETE, TIMELINE};
-
-/// Why there is no summary.
-#[derive(Debug, thiserror::Error)]
-pub enum SummaryError {
-    /// The file cannot be opened or read.
-    #[error("cannot read {}: {source}", path.display())]
-    Open {
-        /// The file.
-        path: PathBuf,
-        /// What the operating system said.
-        source: std::io::Error,
-    },
-    /// The file is something else.
-    #[error("{} is not a Rerun recording that can be read here: {message}; give the .rrd file that `cofix-hub … --recording` wrote", path.display())]
-    NotARecording {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        message: String,
-    },
-    /// The file ends before it says what it holds.
-    #[error("{} holds no recording; it may have been cut off at its start", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-    /// A recording of another program.
-    #[error("{} is a recording of '{application}', not of {APPLICATION_ID}; `rerun {}` may open it", path.display(), path.display())]
-    OtherApplication {
-        /// The file.
-        path: PathBuf,
-        /// The application id in it.
-        application: String,
-    },
-}
 
 /// How much of an entity, or of a group of like entities, there is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -146,7 +114,7 @@ impl Summary {
     fn add(&mut self, chunk: &Chunk, phones: &mut BTreeSet<String>) {
         let entity = chunk.entity_path();
         if let Some(text) = text(chunk, TextDocument::descriptor_text().component)
-            && *entity == EntityPath::from("accuracy")
+            && *entity == EntityPath::from(ACCURACY)
         {
             self.accuracy = Some(text);
         }
@@ -155,7 +123,7 @@ impl Summary {
             return;
         }
         if let [first, phone, ..] = entity.as_slice()
-            && first.unescaped_str() == "phones"
+            && first.unescaped_str() == PHONES
         {
             phones.insert(phone.unescaped_str().to_owned());
         }
@@ -236,8 +204,8 @@ fn group_of(entity: &str) -> String {
     let path = EntityPath::parse_forgiving(entity);
     let parts: Vec<&str> = path.iter().map(EntityPathPart::unescaped_str).collect();
     let starred = |index: usize| match parts.first() {
-        Some(&"phones") => index == 1 || (index == 4 && parts.get(2) == Some(&"satellites")),
-        Some(&"constraints" | &"distances") => index == 1,
+        Some(&PHONES) => index == 1 || (index == 4 && parts.get(2) == Some(&SATELLITES)),
+        Some(&(CONSTRAINTS | DISTANCES)) => index == 1,
         _ => false,
     };
     let shown = parts.iter().enumerate().map(|(index, part)| if starred(index) { "*" } else { *part });

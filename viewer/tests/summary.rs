@@ -10,7 +10,7 @@ mod support;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use cofix_hub::recorder::{self, Recorder};
+use cofix_hub::recorder::Recorder;
 use cofix_viewer::summary::{Summary, SummaryError};
 use support::{ACCURACY, MESSAGE_LEAD_S, Session, start};
 use tempfile::TempDir;
@@ -43,13 +43,6 @@ fn summarise(path: &Path) -> Command {
     let mut command = viewer();
     command.arg("summary").arg(path);
     command
-}
-
-#[test]
-fn names_are_those_of_the_recorder() {
-    assert_eq!(cofix_viewer::APPLICATION_ID, recorder::APPLICATION_ID);
-    assert_eq!(cofix_viewer::INCOMPLETE, recorder::INCOMPLETE);
-    assert_eq!(cofix_viewer::TIMELINE, recorder::TIMELINE);
 }
 
 #[test]

@@ -7,7 +7,9 @@ use std::time::Duration;
 use anyhow::bail;
 use cofix_agent::files::{Named, check_absent};
 
-use crate::recorder::{INCOMPLETE, Recorded, Recorder, RecorderConfig, RecorderError};
+use cofix_common::recording::INCOMPLETE;
+
+use crate::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
 
 /// A recording at work. It is written as `NAME.partial.rrd` and gets its name at the end: what has the name is whole, and what
 /// a killed hub leaves can be told from it and opened. A pipe or a device is written directly.

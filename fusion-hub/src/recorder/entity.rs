@@ -1,5 +1,6 @@
 //! Entity paths and styles: one colour per method, everywhere.
 
+use cofix_common::recording::PHONES;
 use rerun::external::re_log_types::EntityPathPart;
 use rerun::{Color, EntityPath};
 
@@ -78,7 +79,7 @@ pub(super) fn path<'a>(parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
 
 /// The path of something of a phone.
 pub(super) fn phone_path<'a>(phone: &'a str, parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
-    path(["phones", phone].into_iter().chain(parts))
+    path([PHONES, phone].into_iter().chain(parts))
 }
 
 /// The name of a pair of phones in paths and legends.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
+use cofix_common::recording::{CONSTRAINTS, DISTANCES};
 use cofix_common::skips::Skips;
 use rerun::{Color, TextLogLevel};
 
@@ -39,15 +40,15 @@ impl Actions {
     fn new(name: &str, colour: Color) -> Self {
         let style = Style::Marks { name: name.to_owned(), colour };
         Self {
-            shift: Series::new(path(["constraints", name, "shift"]), style),
-            log: LogLines::new(path(["constraints", name, "log"])),
+            shift: Series::new(path([CONSTRAINTS, name, "shift"]), style),
+            log: LogLines::new(path([CONSTRAINTS, name, "log"])),
         }
     }
 }
 
 impl PairSeries {
     fn new(pair: &str, colour: Color) -> Self {
-        let entity = |what| path(["distances", pair, what]);
+        let entity = |what| path([DISTANCES, pair, what]);
         let line = |what: &str, colour, width| Style::Line { name: format!("{pair}{what}"), colour, width };
         Self {
             distance: Series::new(entity("distance"), line("", colour, 1.5)),

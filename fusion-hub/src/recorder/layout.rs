@@ -1,5 +1,6 @@
 //! The default layout of a recording.
 
+use cofix_common::recording::{ACCURACY, CONSTRAINTS, DISTANCES, SATELLITES, TIMELINE};
 use rerun::blueprint::components::{
     BackgroundKind, Corner2D, LinkAxis, PanelState, PlayState, TextLogColumn, TimeRange, TimelineColumn,
     TimelineName,
@@ -14,7 +15,6 @@ use rerun::external::re_sdk_types::datatypes::{TimeInt, TimeRange as Range, Time
 use super::blueprint::{Entities, Node, View, entities, horizontal, tabs, vertical};
 use super::entity::{Method, path, phone_path, subtree};
 use super::focus::focus_path;
-use super::rrd::TIMELINE;
 
 /// Where the eye of the 3D view is, from what it follows: only the direction counts.
 const EYE_ENU_M: [f32; 3] = [0.0, -10.0, 20.0];
@@ -76,7 +76,7 @@ fn enu(phones: &[String]) -> Node {
 }
 
 fn accuracy() -> Node {
-    View::new("TextDocument", "Accuracy", vec![subtree(&path(["accuracy"]))]).into()
+    View::new("TextDocument", "Accuracy", vec![subtree(&path([ACCURACY]))]).into()
 }
 
 fn log(phones: &[String]) -> Node {
@@ -92,7 +92,7 @@ fn log(phones: &[String]) -> Node {
             );
         View::new("TextLog", name, contents).with("TextLogColumns", columns)
     };
-    let constraints = view("Constraints", vec![subtree(&path(["constraints"]))]);
+    let constraints = view("Constraints", vec![subtree(&path([CONSTRAINTS]))]);
     let raim = view("RAIM", all(phones, &["raim"]));
     tabs("Log", vec![raim.into(), constraints.into()])
 }
@@ -128,19 +128,19 @@ impl Plots {
     }
 
     fn distances(&self, pairs: &[String]) -> Node {
-        let mut contents = vec![subtree(&path(["distances"]))];
-        contents.extend(pairs.iter().map(|pair| format!("- {}", path(["distances", pair, "sigma"]))));
+        let mut contents = vec![subtree(&path([DISTANCES]))];
+        contents.extend(pairs.iter().map(|pair| format!("- {}", path([DISTANCES, pair, "sigma"]))));
         let view = self
             .view("Distances and bounds (m)", contents)
             .with("PlotLegend", PlotLegend::new().with_visible(false));
-        let shifts = self.view("Shifts by constraints (m)", vec![subtree(&path(["constraints"]))]);
+        let shifts = self.view("Shifts by constraints (m)", vec![subtree(&path([CONSTRAINTS]))]);
         tabs("Constraints", vec![view.into(), shifts.into()])
     }
 
     fn signals(&self, phones: &[String]) -> Node {
         let no_legend = || PlotLegend::new().with_visible(false);
         let of_phone = |what: &'static str, title: &str, phone: &String| {
-            let contents = vec![subtree(&phone_path(phone, ["satellites", what]))];
+            let contents = vec![subtree(&phone_path(phone, [SATELLITES, what]))];
             self.view(format!("{phone} {title}"), contents).with("PlotLegend", no_legend())
         };
         let mut children: Vec<Node> = Vec::new();
@@ -149,7 +149,7 @@ impl Plots {
             let range = ScalarAxis::new().with_range(CN0_RANGE_DBHZ);
             children.push(cn0.with("ScalarAxis", range).into());
             children.push(of_phone("residual", "residuals (m)", phone).into());
-            let contents = vec![subtree(&phone_path(phone, ["satellites", "usage"]))];
+            let contents = vec![subtree(&phone_path(phone, [SATELLITES, "usage"]))];
             children.push(View::new("StateTimeline", format!("{phone} use"), contents).into());
         }
         children.push(self.view("Satellites used", all(phones, &["quality", "satellites"])).into());

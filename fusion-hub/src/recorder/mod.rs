@@ -53,6 +53,8 @@ use std::time::{Duration, Instant};
 
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Ecef, LocalFrame};
+use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
+use cofix_common::recording::ACCURACY;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use rerun::{RecordingInfo, TextDocument, components::MediaType};
@@ -61,16 +63,12 @@ use self::entity::palette;
 use self::focus::Focus;
 use self::group::GroupRecorder;
 use self::phone::{Epoch, PhoneRecorder, recordable};
+pub use self::rrd::RecorderError;
 use self::rrd::RrdFile;
-pub use self::rrd::{APPLICATION_ID, RecorderError, TIMELINE};
 use self::track::drawable;
-use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
 
 /// Epochs between two writes. A crash loses at most these; fewer make a larger file.
 const EPOCHS_PER_SEGMENT: usize = 512;
-
-/// How the text in place of the accuracy table begins when a session did not come to its end.
-pub const INCOMPLETE: &str = "Incomplete";
 
 /// What a recording must know before its first epoch.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -231,7 +229,7 @@ impl Recorder {
         self.write_segment()?;
         self.phones.iter().try_for_each(|phone| phone.write_lines(&mut self.file))?;
         let table = TextDocument::new(accuracy).with_media_type(MediaType::MARKDOWN);
-        self.file.write_static(&entity::path(["accuracy"]), &table)?;
+        self.file.write_static(&entity::path([ACCURACY]), &table)?;
         self.file.write_blueprint(&layout::layout(&self.config.phones, &self.group.pairs(), self.span_ns))?;
         let bytes = self.file.finish()?;
         Ok(Recorded { epochs: self.epochs, bytes, skips: self.skips })

@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use cofix_common::recording::{APPLICATION_ID, TIMELINE};
 use rerun::external::re_build_info::CrateVersion;
 use rerun::external::re_log_encoding::{EncodeError, Encoder, EncodingOptions};
 use rerun::external::re_log_types::{
@@ -15,11 +16,6 @@ use rerun::external::re_log_types::{
 use rerun::external::re_sdk_types::SerializationError;
 use rerun::log::{Chunk, ChunkError, ChunkId, RowId};
 use rerun::{AsComponents, EntityPath, SerializedComponentColumn, StoreKind, TimeColumn, TimePoint};
-
-/// The application id of all recordings of this project.
-pub const APPLICATION_ID: &str = "cofix";
-/// The timeline of all recordings: GPS time, shown as if it were UTC.
-pub const TIMELINE: &str = "gps_time";
 
 /// Why a recording could not be written.
 #[derive(Debug, thiserror::Error)]

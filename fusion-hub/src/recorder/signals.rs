@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use cofix_common::gnss::{Constellation, SatelliteId, SignalCode};
 use cofix_common::measurement::{CorrectedObservation, Usage};
+use cofix_common::recording::SATELLITES;
 use cofix_common::skips::Skips;
 use rerun::{Color, StateConfiguration};
 
@@ -33,7 +34,7 @@ impl SignalSeries {
     fn new(phone: &str, satellite: SatelliteId, signal: SignalCode) -> Self {
         let name = format!("{satellite} {signal}");
         let colour = colour(satellite);
-        let entity = |what| phone_path(phone, ["satellites", what, name.as_str()]);
+        let entity = |what| phone_path(phone, [SATELLITES, what, name.as_str()]);
         let line = Style::Line { name: name.clone(), colour, width: 1.0 };
         Self {
             cn0: Series::new(entity("cn0"), line.clone()),
