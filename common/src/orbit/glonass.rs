@@ -27,10 +27,6 @@ const MAX_AGE_S: f64 = 1_800.0;
 /// Longest integration, s: beyond it the state has no meaning, and an absurd time must not cost minutes.
 const MAX_INTEGRATION_S: f64 = 86_400.0;
 
-/// Distance from the Earth's centre that a message may state, m: all satellites are near 25 510 km.
-pub(crate) const RADIUS_BOUNDS_M: (f64, f64) = (2.4e7, 2.7e7);
-/// Speed in the rotating frame that a message may state, m/s.
-pub(crate) const SPEED_BOUNDS_MPS: (f64, f64) = (1e3, 6e3);
 /// Accuracy where a message does not tell, m.
 const USUAL_ACCURACY_M: f64 = 5.0;
 /// Standard deviation by the accuracy factor F_T, m (ICD table 4.4).

@@ -9,14 +9,12 @@ use fields::{Orbit, Rest};
 
 use super::bits::{Bits, TooShort};
 use super::date::{Claim, Unit};
-use crate::gnss::Constellation;
-use crate::orbit::KeplerEphemeris;
+use crate::gnss::{Constellation, SatelliteId};
+use crate::orbit::{Implausible, KeplerEphemeris, check_reference_s, within};
 use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, GpsTime, SECONDS_PER_WEEK};
 
 /// Galileo week 0 is GPS week 1024.
 const GALILEO_WEEK_OFFSET: i64 = 1024;
-/// Clock reference and orbit reference are never farther apart than this, s.
-const MAX_TOE_TOC_S: f64 = 86_400.0;
 
 /// Why a message gives no ephemeris.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +28,22 @@ pub(super) enum Fault {
 impl From<TooShort> for Fault {
     fn from(_: TooShort) -> Self {
         Self::TooShort
+    }
+}
+
+impl From<Implausible> for Fault {
+    fn from(value: Implausible) -> Self {
+        Self::Impossible(value.to_string())
+    }
+}
+
+impl Fault {
+    /// The same, which names the satellite.
+    pub(super) fn of(self, satellite: SatelliteId) -> Self {
+        match self {
+            Self::TooShort => self,
+            Self::Impossible(detail) => Self::Impossible(format!("{satellite}: {detail}")),
+        }
     }
 }
 
@@ -49,13 +63,13 @@ pub(super) fn read(bytes: &[u8], number: u32) -> Result<Sent, Fault> {
         1044 => fields::qzss(&mut bits)?,
         _ => fields::galileo(&mut bits, number == 1046)?,
     };
-    within("satellite number", f64::from(rest.satellite.number), 1.0, 63.0)?;
-    within("sqrt(A)", orbit.sqrt_a, 4e3, 8e3)?;
-    within("eccentricity", orbit.eccentricity, 0.0, 0.499)?;
-    within("toe", orbit.toe_s, 0.0, SECONDS_PER_WEEK - 1.0)?;
-    within("toc", rest.toc_s, 0.0, SECONDS_PER_WEEK - 1.0)?;
-    within("toc less toe (s)", from_toe_to_toc_s(&rest, &orbit), -MAX_TOE_TOC_S, MAX_TOE_TOC_S)?;
-    Ok(Sent { rest, orbit })
+    within("satellite number", f64::from(rest.satellite.number), 1.0..=63.0)?;
+    let satellite = rest.satellite;
+    let of_satellite = |value: Implausible| Fault::from(value).of(satellite);
+    check_reference_s("toc", rest.toc_s).map_err(of_satellite)?;
+    let sent = Sent { rest, orbit };
+    sent.dated(GpsTime::default()).check().map_err(of_satellite)?;
+    Ok(sent)
 }
 
 impl Sent {
@@ -77,7 +91,7 @@ impl Sent {
     }
 
     /// The ephemeris with its reference time.
-    pub(super) fn dated(self, toe: GpsTime) -> KeplerEphemeris {
+    pub(super) fn dated(&self, toe: GpsTime) -> KeplerEphemeris {
         let toc = toe + from_toe_to_toc_s(&self.rest, &self.orbit);
         assembled(&self.rest, &self.orbit, (toe, toc))
     }
@@ -115,12 +129,4 @@ fn assembled(rest: &Rest, orbit: &Orbit, (toe, toc): (GpsTime, GpsTime)) -> Kepl
         issue_of_data: rest.issue_of_data,
         issue_of_clock: rest.issue_of_clock,
     }
-}
-
-/// Refuses a value outside its limits.
-pub(super) fn within(name: &str, value: f64, low: f64, high: f64) -> Result<(), Fault> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(Fault::Impossible(format!("{name} = {value:e}, limits {low:e} to {high:e}")))
 }
