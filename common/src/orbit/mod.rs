@@ -15,6 +15,7 @@ mod products;
 mod records;
 
 pub use accuracy_index::{UNKNOWN_ACCURACY_M, sisa_m, ura_m};
+pub(crate) use broadcast::gravity_and_rotation;
 pub use broadcast::is_healthy;
 pub use glonass::GlonassEphemeris;
 pub(crate) use glonass::accuracy_m;
