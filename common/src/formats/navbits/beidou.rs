@@ -7,11 +7,11 @@ use std::collections::BTreeMap;
 
 use super::beidou_fields::{Joined, ephemeris, join, references_s, week};
 use super::beidou_words::{Data, data, number, seconds_of_week};
-use super::bits::unsigned;
 use super::lnav::klobuchar;
 use super::week::{nearest, rollover_hint};
 use super::{ReceiverCheck, Refused, check_references, news, refused};
 use crate::atmosphere::KlobucharCoefficients;
+use crate::formats::bits::unsigned;
 use crate::gnss::SatelliteId;
 use crate::orbit::KeplerEphemeris;
 use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, GpsTime, SECONDS_PER_WEEK};

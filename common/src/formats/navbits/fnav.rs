@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::bits::{angle, crc24q, number, positive, unsigned};
 use super::galileo_time::{check_week, reference};
 use super::{ReceiverCheck, Refused, news, refused};
+use crate::formats::bits::{angle, crc24q_of_bits, number, positive, unsigned};
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, NavigationMessage, sisa_m};
 use crate::time::GpsTime;
@@ -67,7 +67,7 @@ fn checked(bytes: &[u8], receiver: ReceiverCheck) -> Result<Page, Refused> {
     }
     [page, inverted]
         .into_iter()
-        .find(|page| u64::from(crc24q(page, CHECKED)) == crc_of(page))
+        .find(|page| u64::from(crc24q_of_bits(page, CHECKED)) == crc_of(page))
         .ok_or_else(|| refused("F/NAV page with wrong CRC", format!("{bytes:02x?}")))
 }
 

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::bits::{angle, number, positive, unsigned};
 use super::galileo_time::{check_week, reference};
 use super::inav_page::{Word, word};
 use super::{ReceiverCheck, Refused, news, refused};
+use crate::formats::bits::{angle, number, positive, unsigned};
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, NavigationMessage, sisa_m};
 use crate::time::GpsTime;

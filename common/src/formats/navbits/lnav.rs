@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use super::bits::{angle, number, positive, signed, unsigned};
 use super::lnav_words::{Data, data};
 use super::week::nearest;
 use super::{ReceiverCheck, Refused, check_references, news, refused};
 use crate::atmosphere::KlobucharCoefficients;
+use crate::formats::bits::{angle, number, positive, signed, unsigned};
 use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{KeplerEphemeris, NavigationMessage, ura_m};
 use crate::time::GpsTime;

@@ -8,7 +8,6 @@
 mod beidou;
 mod beidou_fields;
 mod beidou_words;
-mod bits;
 mod fnav;
 mod galileo_time;
 mod glonass;

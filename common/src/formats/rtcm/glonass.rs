@@ -3,10 +3,10 @@
 
 use nalgebra::Vector3;
 
-use super::bits::{Bits, TooShort};
 use super::clock::StreamClock;
 use super::date::{Claim, Unit};
-use super::ephemeris::{Fault, power};
+use super::ephemeris::Fault;
+use crate::formats::bits::{Bits, TooShort, power};
 use crate::formats::moscow::DAYS_OF_FOUR_YEARS;
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{Constellation, SatelliteId};

@@ -18,7 +18,6 @@
 //! ```
 
 mod admission;
-mod bits;
 mod clock;
 mod date;
 mod dating;
@@ -42,6 +41,7 @@ pub use station::Station;
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::formats::bits::Bits;
 use crate::formats::decode::{Decoder, Record, WrongStream};
 use crate::formats::rinex::Equipment;
 use crate::formats::time_order::TimeOrder;
@@ -189,7 +189,7 @@ impl RtcmDecoder {
     }
 
     fn message(&mut self, bytes: &[u8]) {
-        let Ok(number) = bits::Bits::new(bytes).unsigned(12) else {
+        let Ok(number) = Bits::new(bytes).unsigned(12) else {
             self.skips.add("frame without a message", || format!("{} bytes", bytes.len()));
             return;
         };

@@ -2,8 +2,8 @@
 
 use std::ops::RangeInclusive;
 
-use super::bits::Bits;
 use super::ephemeris::Fault;
+use crate::formats::bits::Bits;
 use crate::frames::Ecef;
 use crate::orbit::within;
 

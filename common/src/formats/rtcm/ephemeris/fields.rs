@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use super::super::bits::{Bits, TooShort};
 use super::Sent;
+use crate::formats::bits::{Bits, TooShort, power};
 use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{KeplerEphemeris, NavigationMessage, sisa_m, ura_m};
 use crate::time::GpsTime;
@@ -36,17 +36,6 @@ const fn widths(constellation: Constellation) -> Widths {
         }
         _ => LNAV,
     }
-}
-
-/// 2ⁿ for n ≤ 0.
-pub(in crate::formats::rtcm) const fn power(n: i32) -> f64 {
-    let mut value = 1.0;
-    let mut k = 0;
-    while k > n {
-        value /= 2.0;
-        k -= 1;
-    }
-    value
 }
 
 /// A message of which nothing has been read yet.

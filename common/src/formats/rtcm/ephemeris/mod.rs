@@ -4,10 +4,8 @@
 
 mod fields;
 
-pub(super) use fields::power;
-
-use super::bits::{Bits, TooShort};
 use super::date::{Claim, Unit};
+use crate::formats::bits::{Bits, TooShort};
 use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{Implausible, KeplerEphemeris, NavigationMessage, check_reference_s, within};
 use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, GpsTime, SECONDS_PER_WEEK};
