@@ -12,7 +12,6 @@ use crate::frames::Ecef;
 use crate::measurement::RecordedEpoch;
 use crate::orbit::IonosphereTerms;
 use crate::skips::Skips;
-use crate::time::leap_seconds_at;
 use crate::time::{GpsTime, SECONDS_PER_WEEK};
 
 use super::format::{self, Format};
@@ -48,9 +47,7 @@ enum Kind {
 }
 
 fn rtcm(near: GpsTime) -> RtcmDecoder {
-    // UTC is behind by seconds only: the same number except around a leap second itself.
-    let leap_seconds = u8::try_from(leap_seconds_at(near)).unwrap_or(0);
-    RtcmDecoder::new(RtcmOptions { near, leap_seconds })
+    RtcmDecoder::new(RtcmOptions::near(near))
 }
 
 impl StreamDecoder {

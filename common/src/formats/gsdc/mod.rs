@@ -19,6 +19,3 @@ mod truth;
 
 pub use derived::{DerivedDecoder, DerivedFile};
 pub use truth::{ground_truth, is_ground_truth};
-
-/// GPS − UTC in the years of the challenges, s (since 2017-01-01).
-const LEAP_SECONDS: i64 = 18;

@@ -48,7 +48,7 @@ use crate::formats::time_order::TimeOrder;
 use crate::gnss::{Constellation, LossOfLock, Observation, ObservationEpoch, SatelliteId};
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
-use crate::time::GpsTime;
+use crate::time::{GpsTime, leap_seconds_at};
 use epoch::{Family, Part};
 
 /// After this many bytes without a frame the stream is not RTCM 3. A line may be noisy at the start, but not for so long.
@@ -74,9 +74,10 @@ pub struct RtcmOptions {
 }
 
 impl RtcmOptions {
-    /// A stream that begins near an instant, with the 18 leap seconds in force since 2017.
-    pub const fn near(near: GpsTime) -> Self {
-        Self { near, leap_seconds: 18 }
+    /// A stream that begins near an instant, with the leap seconds of then. UTC is behind by seconds only: the number is the same
+    /// except around a leap second itself.
+    pub fn near(near: GpsTime) -> Self {
+        Self { near, leap_seconds: u8::try_from(leap_seconds_at(near)).unwrap_or(0) }
     }
 
     fn clock(self) -> clock::StreamClock {
