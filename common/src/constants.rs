@@ -9,6 +9,16 @@ pub const EARTH_ROTATION_RADPS: f64 = 7.292_115_146_7e-5;
 /// Earth rotation rate of CGCS2000 as BeiDou uses it, rad/s (BDS-SIS-ICD-B1I, 5.2.4.12).
 pub const EARTH_ROTATION_BEIDOU_RADPS: f64 = 7.292_115_0e-5;
 
+/// Gravitational constant of the Earth as GPS and QZSS use it, m³/s² (IS-GPS-200, table 20-IV).
+pub const GRAVITY_GPS_M3PS2: f64 = 3.986_005e14;
+
+/// Gravitational constant of the Earth as Galileo and BeiDou use it, m³/s² (OS SIS ICD, 5.1.1; BDS-SIS-ICD-B1I, 5.2.4.12);
+/// precise orbits too.
+pub const GRAVITY_M3PS2: f64 = 3.986_004_418e14;
+
+/// Gravitational constant of PZ-90 as GLONASS uses it, m³/s² (GLONASS ICD, L1 and L2, edition 5.1, A.3.1.2).
+pub const GRAVITY_PZ90_M3PS2: f64 = 3.986_004_4e14;
+
 /// Semi-major axis of the WGS-84 ellipsoid, m.
 pub const WGS84_SEMI_MAJOR_M: f64 = 6_378_137.0;
 

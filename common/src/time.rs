@@ -12,7 +12,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 pub use leap_seconds::leap_seconds_at;
-pub(crate) use leap_seconds::{corrected_leap_seconds, leap_seconds_by};
+pub(crate) use leap_seconds::{corrected_leap_seconds, leap_seconds_by, leap_seconds_of};
 
 /// Seconds in a GPS week.
 pub const SECONDS_PER_WEEK: f64 = 604_800.0;
@@ -103,6 +103,18 @@ impl GpsTime {
         #[allow(clippy::cast_possible_truncation)] // second < 61
         let fraction = (second * NANOS_PER_SECOND as f64).round() as i64;
         Some(Self { nanos: seconds * NANOS_PER_SECOND + fraction })
+    }
+
+    /// GPS time of a number of milliseconds since 1970-01-01 UTC; `None` before 2006 and after 2200, when no phone gave one.
+    pub(crate) fn from_unix_millis(millis: i64) -> Option<Self> {
+        const FIRST: i64 = 1_136_073_600_000;
+        const LAST: i64 = 7_258_118_400_000;
+        if !(FIRST..=LAST).contains(&millis) {
+            return None;
+        }
+        let utc_millis = millis - UNIX_TO_GPS_DAYS * SECONDS_PER_DAY * 1_000;
+        let utc = Self { nanos: utc_millis * (NANOS_PER_SECOND / 1_000) };
+        Some(Self { nanos: utc.nanos + leap_seconds_at(utc) * NANOS_PER_SECOND })
     }
 
     /// The calendar in GPS time.
@@ -295,7 +307,7 @@ fn days_in_month(year: i32, month: u32) -> u32 {
 }
 
 /// Days since 1970-01-01 of a Gregorian date, counting years from March so that a leap day ends its year.
-fn days_from_civil(year: i64, month: i64, day: i64) -> i64 {
+const fn days_from_civil(year: i64, month: i64, day: i64) -> i64 {
     let year = if month <= 2 { year - 1 } else { year };
     let era = year.div_euclid(400);
     let of_era = year.rem_euclid(400);
@@ -322,6 +334,16 @@ mod tests {
 
     fn calendar(year: i32, month: u32, day: u32, hour: u32, minute: u32, second: f64) -> GpsTime {
         GpsTime::from_calendar(Calendar { year, month, day, hour, minute, second }).unwrap()
+    }
+
+    #[test]
+    fn unix_time_becomes_gps_time() {
+        let at = |millis| GpsTime::from_unix_millis(millis).unwrap().to_string();
+        assert_eq!(at(1_699_400_594_000), "2023-11-07T23:43:32.000 GPS");
+        assert_eq!(at(1_483_228_799_000), "2017-01-01T00:00:16.000 GPS"); // 2016-12-31 23:59:59 UTC
+        assert_eq!(at(1_483_228_800_000), "2017-01-01T00:00:18.000 GPS");
+        assert_eq!(GpsTime::from_unix_millis(0), None);
+        assert_eq!(GpsTime::from_unix_millis(i64::MAX), None);
     }
 
     #[test]

@@ -9,15 +9,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::ProcessNoise;
-
-/// Nodes and weights of Gauss-Legendre quadrature on (0, 1), exact for polynomials up to degree 9.
-const QUADRATURE: [(f64, f64); 5] = [
-    (0.046_910_077_030_668, 0.118_463_442_528_094_5),
-    (0.230_765_344_947_158_45, 0.239_314_335_249_683_24),
-    (0.5, 0.284_444_444_444_444_44),
-    (0.769_234_655_052_841_5, 0.239_314_335_249_683_24),
-    (0.953_089_922_969_332, 0.118_463_442_528_094_5),
-];
+use crate::statistics::quadrature;
 
 /// What a unit jerk impulse leaves behind after a time: position, velocity, acceleration.
 fn response(after_s: f64, time_constant_s: f64) -> [f64; 3] {
@@ -45,7 +37,7 @@ impl Step {
         let tau = process.acceleration_time_s;
         let [position_from_acceleration, velocity_from_acceleration, decay] = response(dt_s, tau);
         let mut noise = [[0.0; 3]; 3];
-        for (node, weight) in QUADRATURE {
+        for (node, weight) in quadrature::ON_UNIT_INTERVAL {
             let g = response(node * dt_s, tau);
             for (row, gi) in noise.iter_mut().zip(g) {
                 for (element, gj) in row.iter_mut().zip(g) {

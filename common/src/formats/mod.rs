@@ -5,6 +5,7 @@
 //! to [`crate::atmosphere`].
 
 pub mod bias_sinex;
+mod bits;
 mod decimal;
 pub mod decode;
 pub mod format;

@@ -6,15 +6,13 @@
 use nalgebra::{Rotation3, Vector3};
 
 use super::{ClockReference, KeplerEphemeris, NavigationMessage, OrbitError, SatelliteState};
-use crate::constants::{EARTH_ROTATION_BEIDOU_RADPS, EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
+use crate::constants::{
+    EARTH_ROTATION_BEIDOU_RADPS, EARTH_ROTATION_RADPS, GRAVITY_GPS_M3PS2, GRAVITY_M3PS2, SPEED_OF_LIGHT_MPS,
+};
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{Constellation, SatelliteId};
 use crate::time::GpsTime;
 
-/// Gravitational constant of GPS and QZSS, m³/s² (IS-GPS-200, table 20-IV).
-const GM_GPS: f64 = 3.986_005e14;
-/// Gravitational constant of Galileo and BeiDou, m³/s² (OS SIS ICD, 5.1.1; BDS-SIS-ICD-B1I, 5.2.4.12).
-const GM_GALILEO_BEIDOU: f64 = 3.986_004_418e14;
 /// Tilt of the frame in which geostationary BeiDou orbits are given, rad.
 const BEIDOU_GEO_TILT_RAD: f64 = -5.0 * std::f64::consts::PI / 180.0;
 
@@ -29,11 +27,11 @@ const fn max_age_s(constellation: Constellation) -> f64 {
 }
 
 /// Constants of a system: gravitational constant (m³/s²) and Earth rotation rate (rad/s).
-const fn constants(constellation: Constellation) -> (f64, f64) {
+pub(crate) const fn gravity_and_rotation(constellation: Constellation) -> (f64, f64) {
     match constellation {
-        Constellation::Galileo => (GM_GALILEO_BEIDOU, EARTH_ROTATION_RADPS),
-        Constellation::Beidou => (GM_GALILEO_BEIDOU, EARTH_ROTATION_BEIDOU_RADPS),
-        _ => (GM_GPS, EARTH_ROTATION_RADPS),
+        Constellation::Galileo => (GRAVITY_M3PS2, EARTH_ROTATION_RADPS),
+        Constellation::Beidou => (GRAVITY_M3PS2, EARTH_ROTATION_BEIDOU_RADPS),
+        _ => (GRAVITY_GPS_M3PS2, EARTH_ROTATION_RADPS),
     }
 }
 
@@ -63,7 +61,7 @@ struct InPlane {
 impl KeplerEphemeris {
     /// Satellite state at an instant, whatever the ephemeris' age and health.
     pub fn state(&self, time: GpsTime) -> SatelliteState {
-        let (gm, earth_rate) = constants(self.satellite.constellation);
+        let (gm, earth_rate) = gravity_and_rotation(self.satellite.constellation);
         let elapsed_s = time - self.toe;
         let plane = self.in_plane(elapsed_s, gm);
         let (position, velocity) = if self.satellite.is_beidou_geostationary() {

@@ -7,12 +7,11 @@
 use nalgebra::Vector3;
 
 use super::{ClockReference, OrbitError, SatelliteState};
+use crate::constants::GRAVITY_PZ90_M3PS2;
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::SatelliteId;
 use crate::time::GpsTime;
 
-/// Gravitational constant of PZ-90, m³/s² (ICD A.3.1.2).
-const GM_PZ90: f64 = 3.986_004_4e14;
 /// Equatorial radius of PZ-90, m (ICD A.3.1.2).
 const RADIUS_PZ90_M: f64 = 6_378_136.0;
 /// Second zonal harmonic J₂ of PZ-90 (ICD A.3.1.2).
@@ -27,10 +26,6 @@ const MAX_AGE_S: f64 = 1_800.0;
 /// Longest integration, s: beyond it the state has no meaning, and an absurd time must not cost minutes.
 const MAX_INTEGRATION_S: f64 = 86_400.0;
 
-/// Distance from the Earth's centre that a message may state, m: all satellites are near 25 510 km.
-pub(crate) const RADIUS_BOUNDS_M: (f64, f64) = (2.4e7, 2.7e7);
-/// Speed in the rotating frame that a message may state, m/s.
-pub(crate) const SPEED_BOUNDS_MPS: (f64, f64) = (1e3, 6e3);
 /// Accuracy where a message does not tell, m.
 const USUAL_ACCURACY_M: f64 = 5.0;
 /// Standard deviation by the accuracy factor F_T, m (ICD table 4.4).
@@ -127,7 +122,7 @@ impl GlonassEphemeris {
     /// The equations of motion in the rotating frame: central attraction, oblateness, Sun and Moon, rotation.
     fn rate(&self, Motion(r, v): Motion) -> Motion {
         let square = r.norm_squared();
-        let central = GM_PZ90 / (square * square.sqrt());
+        let central = GRAVITY_PZ90_M3PS2 / (square * square.sqrt());
         let oblate = 1.5 * J2_PZ90 * central * RADIUS_PZ90_M * RADIUS_PZ90_M / square;
         let equatorial = -central - oblate * (1.0 - 5.0 * r.z * r.z / square);
         let spin = EARTH_ROTATION_PZ90_RADPS;
@@ -239,7 +234,7 @@ mod tests {
             let square = r.norm_squared();
             let oblate = J2_PZ90 * RADIUS_PZ90_M.powi(2) / square * (1.5 * r.z * r.z / square - 0.5);
             let spin = EARTH_ROTATION_PZ90_RADPS.powi(2) * (r.x * r.x + r.y * r.y);
-            0.5 * v.norm_squared() - GM_PZ90 / square.sqrt() * (1.0 - oblate) - 0.5 * spin
+            0.5 * v.norm_squared() - GRAVITY_PZ90_M3PS2 / square.sqrt() * (1.0 - oblate) - 0.5 * spin
         };
         let (a, b) = (start.state(start.toe), start.state(start.toe + 10_000.0));
         assert!((energy(&a) - energy(&b)).abs() < 1e-9 * energy(&a).abs());

@@ -21,16 +21,19 @@ mod glonass;
 mod group_delay;
 mod ionosphere;
 mod kepler;
+mod plausible;
 mod precise;
 mod products;
 mod records;
 
 pub use accuracy_index::{UNKNOWN_ACCURACY_M, sisa_m, ura_m};
+pub(crate) use broadcast::gravity_and_rotation;
 pub use broadcast::is_healthy;
 pub use glonass::GlonassEphemeris;
-pub(crate) use glonass::{RADIUS_BOUNDS_M, SPEED_BOUNDS_MPS, accuracy_m};
+pub(crate) use glonass::accuracy_m;
 pub use ionosphere::LineOfSight;
 pub use kepler::{KeplerEphemeris, NavigationMessage};
+pub(crate) use plausible::{Implausible, check_reference_s, within};
 pub use precise::{MAX_NODES, MIN_NODES};
 pub use products::Products;
 pub use records::{

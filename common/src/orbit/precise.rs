@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use super::clocks::ClockState;
 use super::records::Sp3Position;
 use super::{ClockReference, OrbitError, SatelliteState};
-use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
+use crate::constants::{EARTH_ROTATION_RADPS, GRAVITY_M3PS2, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::SatelliteId;
 use crate::time::GpsTime;
@@ -20,8 +20,6 @@ pub const MIN_NODES: usize = 8;
 pub const MAX_NODES: usize = 11;
 /// Standard deviation of precise orbit and 15-minute clock together, m.
 const SIGMA_M: f64 = 0.1;
-/// Geocentric gravitational constant, m³/s², for the slow part of the relativistic clock drift.
-const GM: f64 = 3.986_004_418e14;
 
 /// Reciprocal node products of equidistant Lagrange interpolation, by number of nodes: for n nodes and node j,
 /// 1 / Π(j − i) over i ≠ j.
@@ -246,7 +244,7 @@ struct Relativity {
 impl Relativity {
     fn of(state: &Inertial) -> Self {
         let scale = -2.0 / (SPEED_OF_LIGHT_MPS * SPEED_OF_LIGHT_MPS);
-        let energy = state.velocity.norm_squared() - GM / state.position.norm();
+        let energy = state.velocity.norm_squared() - GRAVITY_M3PS2 / state.position.norm();
         Self { offset_s: scale * state.position.dot(&state.velocity), drift_sps: scale * energy }
     }
 }

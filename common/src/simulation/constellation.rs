@@ -10,15 +10,10 @@ use std::f64::consts::TAU;
 use rand::Rng;
 use rand_distr::StandardNormal;
 
-use crate::constants::{EARTH_ROTATION_BEIDOU_RADPS, EARTH_ROTATION_RADPS};
 use crate::gnss::{Constellation, SatelliteId};
-use crate::orbit::{KeplerEphemeris, NavigationMessage};
+use crate::orbit::{KeplerEphemeris, NavigationMessage, gravity_and_rotation};
 use crate::time::{BEIDOU_BEHIND_GPS_S, GpsTime, SECONDS_PER_WEEK};
 
-/// Gravitational constant as GPS uses it (IS-GPS-200), m³/s².
-const GRAVITY_GPS_M3PS2: f64 = 3.986_005e14;
-/// The same as Galileo and BeiDou use it (OS-SIS-ICD, BDS-SIS-ICD-B1I), m³/s².
-const GRAVITY_M3PS2: f64 = 3.986_004_418e14;
 /// Time between messages of one satellite, s.
 const MESSAGE_INTERVAL_S: f64 = 3_600.0;
 
@@ -184,11 +179,7 @@ impl Shell {
 /// The same orbit and clock, with reference times `step_s` later. Within one week only the mean anomaly, inclination,
 /// node and clock polynomial change; across the week's end the node at the *new* week's start is another one.
 fn restated(message: &KeplerEphemeris, step_s: f64) -> KeplerEphemeris {
-    let (gravity, earth_radps) = match message.satellite.constellation {
-        Constellation::Gps => (GRAVITY_GPS_M3PS2, EARTH_ROTATION_RADPS),
-        Constellation::Beidou => (GRAVITY_M3PS2, EARTH_ROTATION_BEIDOU_RADPS),
-        _ => (GRAVITY_M3PS2, EARTH_ROTATION_RADPS),
-    };
+    let (gravity, earth_radps) = gravity_and_rotation(message.satellite.constellation);
     let mean_motion_radps = gravity.sqrt() / message.sqrt_a.powi(3) + message.delta_n_radps;
     let own_tow_s = message.toe_own_tow_s + step_s;
     let weeks = (own_tow_s / SECONDS_PER_WEEK).floor();

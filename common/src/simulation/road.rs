@@ -7,18 +7,12 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use crate::statistics::quadrature;
+
 /// Longest piece over which one Gauss-Legendre sum runs, m.
 const MAXIMUM_PIECE_M: f64 = 25.0;
 /// Length of a transition between a straight and an arc, m.
 const TRANSITION_M: f64 = 50.0;
-/// Nodes (on (−1, 1)) and weights of the 5-point Gauss-Legendre rule.
-const GAUSS_LEGENDRE: [(f64, f64); 5] = [
-    (-0.906_179_845_938_664, 0.236_926_885_056_189),
-    (-0.538_469_310_105_683, 0.478_628_670_499_366),
-    (0.0, 0.568_888_888_888_889),
-    (0.538_469_310_105_683, 0.478_628_670_499_366),
-    (0.906_179_845_938_664, 0.236_926_885_056_189),
-];
 /// Height waves: amplitude (m), periods per lap. Together they bound the slope.
 const HEIGHT_WAVES: [(f64, f64); 2] = [(4.0, 7.0), (0.8, 16.0)];
 
@@ -159,17 +153,16 @@ impl Piece {
 
     /// The same piece, started `length_m` further on.
     fn after(&self, length_m: f64) -> Self {
-        let half = 0.5 * length_m;
         let (mut east, mut north) = (0.0, 0.0);
-        for (node, weight) in GAUSS_LEGENDRE {
-            let (sin, cos) = self.heading_after(half * (1.0 + node)).sin_cos();
+        for (node, weight) in quadrature::ON_UNIT_INTERVAL {
+            let (sin, cos) = self.heading_after(length_m * node).sin_cos();
             east += weight * sin;
             north += weight * cos;
         }
         Self {
             start_m: self.start_m + length_m,
-            east_m: self.east_m + half * east,
-            north_m: self.north_m + half * north,
+            east_m: self.east_m + length_m * east,
+            north_m: self.north_m + length_m * north,
             heading_rad: self.heading_after(length_m),
             curvature_1pm: self.curvature_1pm + length_m * self.curvature_rate_1pm2,
             curvature_rate_1pm2: self.curvature_rate_1pm2,

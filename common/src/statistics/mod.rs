@@ -6,7 +6,7 @@
 
 pub mod chi_square;
 pub mod normal;
-mod quadrature;
+pub(crate) mod quadrature;
 pub mod truncated;
 
 pub use chi_square::{ChiSquareThresholds, chi_square_threshold, chi_square_upper_tail};

@@ -3,7 +3,16 @@
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// Number of nodes.
+/// Five nodes on (0, 1) with their weights, exact for polynomials up to degree 9.
+pub(crate) const ON_UNIT_INTERVAL: [(f64, f64); 5] = [
+    (0.046_910_077_030_668, 0.118_463_442_528_094_5),
+    (0.230_765_344_947_158_45, 0.239_314_335_249_683_24),
+    (0.5, 0.284_444_444_444_444_44),
+    (0.769_234_655_052_841_5, 0.239_314_335_249_683_24),
+    (0.953_089_922_969_332, 0.118_463_442_528_094_5),
+];
+
+/// Number of nodes of the rule for densities.
 const NODES: usize = 32;
 
 /// Nodes in (−1, 1), symmetric about 0, with their weights.
@@ -41,6 +50,14 @@ fn node_and_weight(index: usize) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn polynomials_up_to_degree_9_are_exact_on_the_unit_interval() {
+        for power in 0..10 {
+            let sum: f64 = ON_UNIT_INTERVAL.iter().map(|(x, w)| w * x.powi(power)).sum();
+            assert!((sum - 1.0 / f64::from(power + 1)).abs() < 1e-14, "degree {power}: {sum}");
+        }
+    }
 
     #[test]
     fn polynomials_up_to_degree_63_are_exact() {

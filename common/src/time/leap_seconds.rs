@@ -1,9 +1,9 @@
 //! Seconds that GPS time is ahead of UTC.
 
-use super::{Calendar, GpsTime};
+use super::{GpsTime, NANOS_PER_SECOND, SECONDS_PER_DAY, UNIX_TO_GPS_DAYS, days_from_civil};
 
 /// Year and month on whose first day the difference became that many seconds (IERS Bulletin C, up to 2017).
-const STEPS: [(i32, u32, i64); 18] = [
+const STEPS: [(i64, i64, i64); 18] = [
     (1981, 7, 1),
     (1982, 7, 2),
     (1983, 7, 3),
@@ -24,16 +24,45 @@ const STEPS: [(i32, u32, i64); 18] = [
     (2017, 1, 18),
 ];
 
+/// The same by instants of UTC, read as if it were GPS time: nanoseconds, and the difference from then on.
+const STEPS_BY_NANOS: [(i64, i64); STEPS.len()] = steps_by_nanos();
+/// First instant of UTC for which the table may lack a step: Bulletin C 70 of July 2025 excludes one before July 2026.
+const KNOWN_UNTIL_NANOS: i64 = first_of_month(2026, 7);
+
+const fn steps_by_nanos() -> [(i64, i64); STEPS.len()] {
+    let mut by_nanos = [(0, 0); STEPS.len()];
+    let mut index = 0;
+    while index < STEPS.len() {
+        let (year, month, seconds) = STEPS[index];
+        by_nanos[index] = (first_of_month(year, month), seconds);
+        index += 1;
+    }
+    by_nanos
+}
+
+const fn first_of_month(year: i64, month: i64) -> i64 {
+    (days_from_civil(year, month, 1) - UNIX_TO_GPS_DAYS) * SECONDS_PER_DAY * NANOS_PER_SECOND
+}
+
 /// Seconds that GPS time is ahead of UTC on a date in UTC, read as if it were GPS time. After the last step known here
 /// (2017, 18 s) that one holds.
 pub fn leap_seconds_at(utc: GpsTime) -> i64 {
-    let Calendar { year, month, .. } = utc.calendar();
-    let passed = STEPS.partition_point(|(y, m, _)| (*y, *m) <= (year, month));
-    passed.checked_sub(1).and_then(|last| STEPS.get(last)).map_or(0, |(_, _, seconds)| *seconds)
+    let passed = STEPS_BY_NANOS.partition_point(|(from, _)| *from <= utc.nanos);
+    passed.checked_sub(1).and_then(|last| STEPS_BY_NANOS.get(last)).map_or(0, |(_, seconds)| *seconds)
 }
 
-/// First year and month for which the table may lack a step: Bulletin C 70 of July 2025 excludes one before.
-const KNOWN_UNTIL: (i32, u32) = (2026, 7);
+/// An instant in UTC, read as if it were GPS time. The leap second itself is the second before it once more.
+fn to_utc(time: GpsTime) -> GpsTime {
+    let before = |seconds: i64| GpsTime::from_nanos(time.nanos.saturating_sub(seconds * NANOS_PER_SECOND));
+    // Within seconds after a step in UTC the first look is a second too far.
+    before(leap_seconds_at(before(leap_seconds_at(time))))
+}
+
+/// Seconds that GPS time is ahead of UTC at an instant, where a phone states a number; it counts as one that a file states.
+pub(crate) fn leap_seconds_of(stated: Option<i64>, time: GpsTime) -> i64 {
+    leap_seconds_by(stated, to_utc(time))
+}
+
 /// Around a step both numbers are right, s.
 const NEAR_A_STEP_S: f64 = 86_400.0;
 
@@ -41,8 +70,8 @@ const NEAR_A_STEP_S: f64 = 86_400.0;
 /// be whole; later the file may know of a step more, in either direction.
 pub(crate) fn leap_seconds_by(stated: Option<i64>, utc: GpsTime) -> i64 {
     let table = leap_seconds_at(utc);
-    let Calendar { year, month, .. } = utc.calendar();
-    stated.filter(|s| (year, month) >= KNOWN_UNTIL && (s - table).abs() <= 1).unwrap_or(table)
+    let can_be = |stated: i64| utc.nanos >= KNOWN_UNTIL_NANOS && (table - 1..=table + 1).contains(&stated);
+    stated.filter(|stated| can_be(*stated)).unwrap_or(table)
 }
 
 /// What holds in place of a number that a file states and that cannot be on a date; `None` when it can.
@@ -64,6 +93,29 @@ mod tests {
         assert_eq!(at("2016-12-31T23:59:59"), 17);
         assert_eq!(at("2017-01-01T00:00:00"), 18);
         assert_eq!(at("2026-01-01T00:00:00"), 18);
+    }
+
+    #[test]
+    fn steps_are_where_the_bulletins_say_in_gps_time() {
+        let at = |text: &str| leap_seconds_of(None, text.parse().unwrap());
+        assert_eq!((at("2008-12-31T23:59:59"), at("2009-01-01T00:00:15")), (14, 15));
+        assert_eq!((at("2012-07-01T00:00:15"), at("2012-07-01T00:00:16")), (15, 16));
+        assert_eq!((at("2015-07-01T00:00:16"), at("2015-07-01T00:00:17")), (16, 17));
+        assert_eq!((at("2017-01-01T00:00:17"), at("2017-01-01T00:00:18")), (17, 18));
+    }
+
+    #[test]
+    fn what_a_phone_states_counts_only_where_the_table_may_end() {
+        let (known, later) = ("2023-11-07T00:00:00".parse().unwrap(), "2031-01-01T00:00:00".parse().unwrap());
+        for (stated, by_table, by_phone) in
+            [(None, 18, 18), (Some(19), 18, 19), (Some(17), 18, 17), (Some(-5), 18, 18)]
+        {
+            assert_eq!(
+                (leap_seconds_of(stated, known), leap_seconds_of(stated, later)),
+                (by_table, by_phone)
+            );
+        }
+        assert_eq!(leap_seconds_of(Some(i64::MIN), GpsTime::from_nanos(i64::MIN)), 0);
     }
 
     #[test]

@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, VecDeque};
 
 use super::beyond::{Beyond, EpochBeyond};
 use super::clock::{EpochClock, PLAUSIBLE_NS, WEEK_NS, describe_clock};
-use super::leap::trusted_leap_seconds;
 use super::measure::{Measured, Refusal, add_carrier, measure};
 use super::names::named;
 use super::options::Options;
@@ -16,7 +15,7 @@ use crate::formats::time_order::{LONG_STEP_S, TimeOrder};
 use crate::gnss::{EpochFlag, Observation, ObservationEpoch, SatelliteId};
 use crate::measurement::RecordedEpoch;
 use crate::skips::Skips;
-use crate::time::GpsTime;
+use crate::time::{GpsTime, leap_seconds_of};
 
 /// Collects the observations of lines that share `TimeNanos` into epochs in time order.
 #[derive(Clone, Debug, Default)]
@@ -122,7 +121,7 @@ impl Epochs {
                 format!("line {number}: {satellite}, {} {}", refusal.value, refusal.quantity)
             });
         };
-        let leap_seconds = trusted_leap_seconds(clock.time.gps(), line.clock.leap_seconds);
+        let leap_seconds = leap_seconds_of(line.clock.leap_seconds, clock.time.gps());
         let measured = measure(line, (satellite, signal), clock.time, leap_seconds, options);
         let mut measured = measured.map_err(&mut refused).ok()?;
         if let Err(refusal) = add_carrier(line, &mut measured, options) {

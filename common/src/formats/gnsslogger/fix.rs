@@ -2,7 +2,6 @@
 
 use super::columns::{FIX_COLUMNS, Fix as Column};
 use super::fields::{Fields, integer, real};
-use super::leap::from_unix_millis;
 use crate::frames::{Ecef, Geodetic};
 use crate::time::GpsTime;
 
@@ -54,7 +53,7 @@ pub(super) fn parse(fields: &[&[u8]; FIX_COLUMNS], read: &mut Fields<'_>) -> Opt
     let latitude_deg = read.required("latitude", at(Column::Latitude), real)?;
     let longitude_deg = read.required("longitude", at(Column::Longitude), real)?;
     let millis = read.required("time", at(Column::UnixTimeMillis), integer)?;
-    let time = from_unix_millis(millis);
+    let time = GpsTime::from_unix_millis(millis);
     let Some(time_gps) = time.filter(|_| latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 180.0) else {
         read.refuse("position or time out of range", || {
             format!("{latitude_deg}°, {longitude_deg}°, {millis} ms since 1970")

@@ -15,7 +15,6 @@ mod device;
 mod epochs;
 mod fields;
 mod fix;
-mod leap;
 pub(crate) mod lines;
 mod measure;
 mod names;

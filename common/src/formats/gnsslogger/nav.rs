@@ -5,7 +5,6 @@
 use std::collections::VecDeque;
 
 use super::epochs::Epochs;
-use super::leap::trusted_leap_seconds;
 use super::nav_message::{Kind, Message, parse};
 use crate::formats::decode::Record;
 use crate::formats::navbits::{
@@ -15,7 +14,7 @@ use crate::formats::navbits::{
 use crate::orbit::IonosphereTerms;
 use crate::orbit::KeplerEphemeris;
 use crate::skips::Skips;
-use crate::time::GpsTime;
+use crate::time::{GpsTime, leap_seconds_of};
 
 /// Messages that wait for the first epoch, which tells the week. Forty satellites of all systems send some fifteen pieces in a
 /// second.
@@ -121,7 +120,7 @@ impl NavLines {
         bytes: &[u8],
         now: GpsTime,
     ) -> Result<Option<Decoded>, Refused> {
-        let clock = GlonassClock { now, leap_seconds: trusted_leap_seconds(now, self.leap_seconds()) };
+        let clock = GlonassClock { now, leap_seconds: leap_seconds_of(self.leap_seconds(), now) };
         self.glonass.string(label, bytes, clock).map(|message| message.map(Decoded::Glonass))
     }
 }

@@ -6,7 +6,6 @@
 
 use super::columns::{STATUS_COLUMNS, Status as Column};
 use super::fields::{Fields, flag, integer, real};
-use super::leap::from_unix_millis;
 use super::signal::{satellite, signal};
 use crate::frames::Direction;
 use crate::gnss::{CN0_BOUNDS_DBHZ, SatelliteId, SignalCode};
@@ -117,7 +116,7 @@ fn named(fields: &[&[u8]; STATUS_COLUMNS], read: &mut Fields<'_>) -> Option<(Sat
 
 fn time(unix_millis: Option<i64>, read: &mut Fields<'_>) -> Option<GpsTime> {
     let millis = unix_millis.filter(|millis| *millis != 0)?;
-    let time = from_unix_millis(millis);
+    let time = GpsTime::from_unix_millis(millis);
     if time.is_none() {
         read.refuse("time out of range (the rest is used)", || format!("{millis} ms since 1970"));
     }

@@ -21,6 +21,3 @@ mod truth;
 pub use derived::{DerivedDecoder, DerivedFile};
 pub(crate) use stated::is_table_header;
 pub use truth::{ground_truth, is_ground_truth};
-
-/// GPS − UTC in the years of the challenges, s (since 2017-01-01).
-const LEAP_SECONDS: i64 = 18;

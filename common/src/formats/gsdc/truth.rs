@@ -1,6 +1,5 @@
 //! The challenges' ground truths.
 
-use super::LEAP_SECONDS;
 use super::line::{Lines, fields};
 use crate::accuracy::{Truth, TruthError, TruthPoint};
 use crate::formats::integer::integer;
@@ -11,8 +10,6 @@ use crate::time::GpsTime;
 
 /// The heights of 2021 are this much too high, m (the organisers' note on the data).
 const HEIGHT_OFFSET_2021_M: f64 = 61.0;
-/// 1980-01-06 in Unix time, ms.
-const GPS_EPOCH_UNIX_MILLIS: i64 = 315_964_800_000;
 /// All rows have one quality.
 const QUALITY: u8 = 1;
 /// Largest speed of a car, m/s.
@@ -130,12 +127,10 @@ impl Header {
     }
 
     fn time(&self, millis: i64) -> Option<GpsTime> {
-        let gps_millis = if self.generation.unix_time {
-            millis.checked_sub(GPS_EPOCH_UNIX_MILLIS)?.checked_add(LEAP_SECONDS * 1_000)?
-        } else {
-            millis
-        };
-        let nanos = gps_millis.checked_mul(1_000_000).filter(|nanos| (0..i64::MAX / 2).contains(nanos))?;
+        if self.generation.unix_time {
+            return GpsTime::from_unix_millis(millis);
+        }
+        let nanos = millis.checked_mul(1_000_000).filter(|nanos| (0..i64::MAX / 2).contains(nanos))?;
         Some(GpsTime::from_nanos(nanos))
     }
 }

@@ -7,11 +7,11 @@ use std::collections::BTreeMap;
 
 use super::beidou_fields::{Joined, ephemeris, join, references_s, week};
 use super::beidou_words::{Data, data, number, seconds_of_week};
-use super::bits::unsigned;
 use super::lnav::klobuchar;
 use super::week::{nearest, rollover_hint};
-use super::{ReceiverCheck, Refused, plausible, refused};
+use super::{ReceiverCheck, Refused, check_references, news, refused};
 use crate::atmosphere::KlobucharCoefficients;
+use crate::formats::bits::unsigned;
 use crate::gnss::SatelliteId;
 use crate::orbit::KeplerEphemeris;
 use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, GpsTime, SECONDS_PER_WEEK};
@@ -135,7 +135,7 @@ impl Frame {
         let joined = join(&self.pieces, geostationary);
         check_week(satellite, &joined, self.start)?;
         let ephemeris = ephemeris(satellite, &joined, references(satellite, &joined, self.start)?);
-        plausible::news(&mut self.given, ephemeris)
+        news(&mut self.given, ephemeris)
     }
 }
 
@@ -158,9 +158,6 @@ fn references(
     start: GpsTime,
 ) -> Result<(GpsTime, GpsTime), Refused> {
     let (toe_s, toc_s) = references_s(joined);
-    if toe_s >= SECONDS_PER_WEEK || toc_s >= SECONDS_PER_WEEK {
-        let detail = format!("{satellite}: toe {toe_s} s, toc {toc_s} s, limit {SECONDS_PER_WEEK} s");
-        return Err(refused("ephemeris with impossible values", detail));
-    }
+    check_references(satellite, toe_s, toc_s)?;
     Ok((nearest(toe_s + BEIDOU_BEHIND_GPS_S, start), nearest(toc_s + BEIDOU_BEHIND_GPS_S, start)))
 }

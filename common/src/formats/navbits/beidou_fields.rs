@@ -4,7 +4,7 @@
 //! number is cut: 186, 186 and 185 bits of subframes 1 to 3 of D1, or what pages 1 to 10 of D2 carry, 557 in both cases.
 
 use super::beidou_words::Data;
-use super::bits::{angle, copy, number, positive, signed, unsigned};
+use crate::formats::bits::{angle, copy, number, positive, signed, unsigned};
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, NavigationMessage, ura_m};
 use crate::time::GpsTime;

@@ -3,9 +3,9 @@
 //! A word carries two blocks of 11 data bits with 4 check bits each, of the code with the generator X⁴ + X + 1. The satellite
 //! sends the blocks' bits alternately. Word 1 has 15 bits without check bits (the preamble among them) and then one block.
 
-use super::bits::{copy, unsigned};
 use super::words::{SUBFRAME_BYTES, upright};
 use super::{ReceiverCheck, Refused, refused};
+use crate::formats::bits::{copy, unsigned};
 
 /// What every subframe begins with, and how many bits that is.
 const PREAMBLE: (u32, u32) = (0x712, 11);

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::bits::{angle, crc24q, number, positive, unsigned};
 use super::galileo_time::{check_week, reference};
-use super::{ReceiverCheck, Refused, plausible, refused};
+use super::{ReceiverCheck, Refused, news, refused};
+use crate::formats::bits::{angle, crc24q_of_bits, number, positive, unsigned};
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, NavigationMessage, sisa_m};
 use crate::time::GpsTime;
@@ -67,7 +67,7 @@ fn checked(bytes: &[u8], receiver: ReceiverCheck) -> Result<Page, Refused> {
     }
     [page, inverted]
         .into_iter()
-        .find(|page| u64::from(crc24q(page, CHECKED)) == crc_of(page))
+        .find(|page| u64::from(crc24q_of_bits(page, CHECKED)) == crc_of(page))
         .ok_or_else(|| refused("F/NAV page with wrong CRC", format!("{bytes:02x?}")))
 }
 
@@ -89,7 +89,7 @@ impl Pages {
         }
         check_week(satellite, unsigned(&one, 155, 12), now)?;
         let ephemeris = ephemeris(satellite, &[one, two, three, four], now)?;
-        plausible::news(&mut self.given, ephemeris)
+        news(&mut self.given, ephemeris)
     }
 }
 
@@ -103,9 +103,9 @@ fn ephemeris(
     Ok(KeplerEphemeris {
         satellite,
         message: NavigationMessage::GalileoFnav,
-        toe: reference(unsigned(three, 160, 14), satellite, now)?,
+        toe: reference("toe", unsigned(three, 160, 14), satellite, now)?,
         toe_own_tow_s: unsigned(three, 160, 14) as f64 * 60.0,
-        toc: reference(unsigned(one, 22, 14), satellite, now)?,
+        toc: reference("toc", unsigned(one, 22, 14), satellite, now)?,
         sqrt_a: positive(two, 104, 32, -19),
         eccentricity: positive(two, 72, 32, -33),
         i0_rad: angle(three, 16, 32, -31),

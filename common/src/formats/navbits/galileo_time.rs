@@ -1,9 +1,10 @@
 //! Weeks and reference times of both Galileo messages.
 
 use super::week::{nearest, rollover_hint};
-use super::{Refused, refused};
+use super::{Refused, impossible, refused};
 use crate::gnss::SatelliteId;
-use crate::time::{GpsTime, SECONDS_PER_WEEK};
+use crate::orbit::check_reference_s;
+use crate::time::GpsTime;
 
 /// Galileo's week 0 is GPS week 1024.
 const WEEK_OFFSET: i64 = 1024;
@@ -27,10 +28,16 @@ pub(super) fn check_week(satellite: SatelliteId, sent: u64, now: GpsTime) -> Res
 }
 
 /// Reference time of `minutes` into the week, in the week that brings it nearest to `now`.
-pub(super) fn reference(minutes: u64, satellite: SatelliteId, now: GpsTime) -> Result<GpsTime, Refused> {
+pub(super) fn reference(
+    name: &'static str,
+    minutes: u64,
+    satellite: SatelliteId,
+    now: GpsTime,
+) -> Result<GpsTime, Refused> {
     let tow_s = minutes as f64 * 60.0;
+    check_reference_s(name, tow_s).map_err(|value| impossible(satellite, &value))?;
     let time = nearest(tow_s, now);
-    if tow_s < SECONDS_PER_WEEK && (time - now).abs() <= MAX_AGE_S {
+    if (time - now).abs() <= MAX_AGE_S {
         return Ok(time);
     }
     let detail = format!("{satellite}: reference time {tow_s} s of the week, received at {now}");

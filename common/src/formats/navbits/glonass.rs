@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use super::glonass_string::GlonassString;
-use super::{ReceiverCheck, Refused, plausible, refused};
+use super::{ReceiverCheck, Refused, impossible, refused};
 use crate::formats::moscow::{self, MILLIS_PER_DAY};
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{Constellation, SatelliteId};
@@ -163,7 +163,8 @@ impl Frame {
         if self.given == Some(message) {
             return Ok(None);
         }
-        plausible::check_glonass(&message.with_channel_0)?;
+        let ephemeris = message.with_channel_0;
+        ephemeris.check().map_err(|value| impossible(ephemeris.satellite, &value))?;
         self.given = Some(message);
         Ok(Some(message))
     }

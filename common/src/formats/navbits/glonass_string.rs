@@ -1,7 +1,7 @@
 //! Strings of the GLONASS navigation message, 85 bits each, and their Hamming code (GLONASS ICD, L1 and L2, edition 5.1, 4.3 and 4.7).
 
-use super::bits::{copy, invert, unsigned};
 use super::{ReceiverCheck, Refused, refused};
+use crate::formats::bits::{copy, invert, unsigned};
 
 /// Bytes of a string as Android gives it.
 pub(super) const STRING_BYTES: usize = 11;
@@ -73,7 +73,7 @@ impl GlonassString {
 
     /// The same as a number whose highest bit is its sign, in units of 2^`exponent`.
     pub(super) fn signed(&self, high: usize, low: usize, exponent: i32) -> f64 {
-        super::bits::sign_magnitude(&self.0, BITS - high, high + 1 - low, exponent)
+        crate::formats::bits::sign_magnitude(&self.0, BITS - high, high + 1 - low, exponent)
     }
 
     /// Number of the string in its frame.

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::bits::{angle, number, positive, unsigned};
 use super::galileo_time::{check_week, reference};
 use super::inav_page::{Word, word};
-use super::{ReceiverCheck, Refused, plausible, refused};
+use super::{ReceiverCheck, Refused, news, refused};
+use crate::formats::bits::{angle, number, positive, unsigned};
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, NavigationMessage, sisa_m};
 use crate::time::GpsTime;
@@ -61,7 +61,7 @@ impl Words {
         }
         check_week(satellite, unsigned(&five, 73, 12), now)?;
         let ephemeris = ephemeris(satellite, &[one, two, three, four, five], now)?;
-        plausible::news(&mut self.given, ephemeris)
+        news(&mut self.given, ephemeris)
     }
 }
 
@@ -74,9 +74,9 @@ fn ephemeris(
     Ok(KeplerEphemeris {
         satellite,
         message: NavigationMessage::GalileoInav,
-        toe: reference(unsigned(one, 16, 14), satellite, now)?,
+        toe: reference("toe", unsigned(one, 16, 14), satellite, now)?,
         toe_own_tow_s: unsigned(one, 16, 14) as f64 * 60.0,
-        toc: reference(unsigned(four, 54, 14), satellite, now)?,
+        toc: reference("toc", unsigned(four, 54, 14), satellite, now)?,
         sqrt_a: positive(one, 94, 32, -19),
         eccentricity: positive(one, 62, 32, -33),
         i0_rad: angle(two, 48, 32, -31),

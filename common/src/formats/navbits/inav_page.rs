@@ -1,7 +1,7 @@
 //! Pages of Galileo I/NAV: two halves of 114 bits, and the data word of 128 bits in them (Galileo OS SIS ICD 2.1, 4.3.2).
 
-use super::bits::{copy, crc24q, invert, unsigned};
 use super::{ReceiverCheck, Refused, refused};
+use crate::formats::bits::{copy, crc24q_of_bits, invert, unsigned};
 
 /// Bytes of a page as Android gives it: 228 bits, even half first.
 pub(super) const PAGE_BYTES: usize = 29;
@@ -26,7 +26,7 @@ pub(super) fn word(bytes: &[u8], receiver: ReceiverCheck) -> Result<Option<Word>
     let page = upright(received);
     let sent = unsigned(&page, CHECKED, 24);
     let blanked = sent == 0 && receiver == ReceiverCheck::Passed && page == received;
-    if u64::from(crc24q(&page, CHECKED)) != sent && !blanked {
+    if u64::from(crc24q_of_bits(&page, CHECKED)) != sent && !blanked {
         let reason = if page == received {
             "I/NAV page with wrong CRC"
         } else {

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use super::bits::{angle, number, positive, signed, unsigned};
 use super::lnav_words::{Data, data};
 use super::week::nearest;
-use super::{ReceiverCheck, Refused, plausible, refused};
+use super::{ReceiverCheck, Refused, check_references, news, refused};
 use crate::atmosphere::KlobucharCoefficients;
+use crate::formats::bits::{angle, number, positive, signed, unsigned};
 use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{KeplerEphemeris, NavigationMessage, ura_m};
-use crate::time::{GpsTime, SECONDS_PER_WEEK};
+use crate::time::GpsTime;
 
 /// Subframes that are farther apart than this do not belong together even with equal issues of data, s: an issue may come
 /// back after six hours.
@@ -130,7 +130,7 @@ impl Frames {
             return Ok(None);
         }
         let ephemeris = ephemeris(satellite, &first, &second.data, &third.data)?;
-        plausible::news(&mut self.given, ephemeris)
+        news(&mut self.given, ephemeris)
     }
 }
 
@@ -145,11 +145,7 @@ fn ephemeris(
     check_week(satellite, first)?;
     let toe_own_tow_s = positive(second, 216, 16, 4);
     let toc_tow_s = positive(clock, 176, 16, 4);
-    if toe_own_tow_s >= SECONDS_PER_WEEK || toc_tow_s >= SECONDS_PER_WEEK {
-        let detail =
-            format!("{satellite}: toe {toe_own_tow_s} s, toc {toc_tow_s} s, limit {SECONDS_PER_WEEK} s");
-        return Err(refused("ephemeris with impossible values", detail));
-    }
+    check_references(satellite, toe_own_tow_s, toc_tow_s)?;
     Ok(KeplerEphemeris {
         satellite,
         message: NavigationMessage::Lnav,

@@ -8,7 +8,6 @@
 mod beidou;
 mod beidou_fields;
 mod beidou_words;
-mod bits;
 mod fnav;
 mod galileo_time;
 mod glonass;
@@ -17,7 +16,6 @@ mod inav;
 mod inav_page;
 mod lnav;
 mod lnav_words;
-mod plausible;
 mod week;
 mod words;
 
@@ -26,6 +24,9 @@ pub use fnav::FnavAssembler;
 pub use glonass::{GlonassAssembler, GlonassClock, GlonassLabel, GlonassMessage, GlonassName};
 pub use inav::InavAssembler;
 pub use lnav::{LnavAssembler, LnavSystem};
+
+use crate::gnss::SatelliteId;
+use crate::orbit::{Implausible, KeplerEphemeris, check_reference_s};
 
 /// Why a piece of a message, or the ephemeris that it completes, is not used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -48,4 +49,31 @@ pub enum ReceiverCheck {
 
 const fn refused(reason: &'static str, detail: String) -> Refused {
     Refused { reason, detail }
+}
+
+/// An ephemeris with a value that no satellite broadcasts.
+fn impossible(satellite: SatelliteId, value: &Implausible) -> Refused {
+    refused("ephemeris with impossible values", format!("{satellite}: {value}"))
+}
+
+/// Refuses reference times that are in no week.
+fn check_references(satellite: SatelliteId, toe_s: f64, toc_s: f64) -> Result<(), Refused> {
+    let check = check_reference_s("toe", toe_s).and_then(|()| check_reference_s("toc", toc_s));
+    check.map_err(|value| impossible(satellite, &value))
+}
+
+/// The ephemeris that a satellite's pieces make, if it is another than the one given before.
+///
+/// # Errors
+/// When it cannot be one.
+fn news(
+    given: &mut Option<KeplerEphemeris>,
+    ephemeris: KeplerEphemeris,
+) -> Result<Option<KeplerEphemeris>, Refused> {
+    if given.is_some_and(|given| given.is_same_as(&ephemeris)) {
+        return Ok(None);
+    }
+    ephemeris.check().map_err(|value| impossible(ephemeris.satellite, &value))?;
+    *given = Some(ephemeris);
+    Ok(*given)
 }

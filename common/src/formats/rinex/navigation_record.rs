@@ -4,14 +4,14 @@ use super::version::year_2;
 use crate::formats::decimal::{integer, real};
 use crate::formats::text::columns;
 use crate::gnss::{Constellation, SatelliteId};
-use crate::orbit::{KeplerEphemeris, NavigationMessage, UNKNOWN_ACCURACY_M};
+use crate::orbit::{
+    Implausible, KeplerEphemeris, NavigationMessage, UNKNOWN_ACCURACY_M, check_reference_s, within,
+};
 use crate::skips::Skips;
 use crate::time::{
     BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, Calendar, GpsTime, SECONDS_PER_WEEK, WEEKS_PER_ROLLOVER,
 };
 
-/// Clock reference and orbit reference are never farther apart than this, s.
-const MAX_TOE_TOC_S: f64 = 86_400.0;
 /// No issue of data has a higher number.
 const MAX_ISSUE: f64 = 65_535.0;
 /// Larger group delays (s) cannot be broadcast; files write such numbers for "missing".
@@ -35,6 +35,9 @@ pub(super) struct Record {
     filled: usize,
 }
 
+/// What a record is counted under whose values no satellite broadcasts, or that contradict each other.
+const IMPOSSIBLE: &str = "record with impossible values";
+
 /// Why a record gives no ephemeris.
 #[derive(Clone, Debug)]
 pub(super) struct Fault {
@@ -42,6 +45,18 @@ pub(super) struct Fault {
     pub(super) reason: &'static str,
     /// The value and the limit.
     pub(super) detail: String,
+}
+
+impl Fault {
+    const fn impossible(detail: String) -> Self {
+        Self { reason: IMPOSSIBLE, detail }
+    }
+}
+
+impl From<Implausible> for Fault {
+    fn from(value: Implausible) -> Self {
+        Self::impossible(value.to_string())
+    }
 }
 
 impl Record {
@@ -109,10 +124,7 @@ impl Record {
 
     /// The epoch in the record's own time system, read as if it were GPS time.
     pub(super) fn own_epoch(&self) -> Result<GpsTime, Fault> {
-        GpsTime::from_calendar(self.epoch).ok_or_else(|| Fault {
-            reason: "record with impossible values",
-            detail: format!("epoch {:?}", self.epoch),
-        })
+        GpsTime::from_calendar(self.epoch).ok_or_else(|| Fault::impossible(format!("epoch {:?}", self.epoch)))
     }
 
     fn append(&mut self, text: &[u8], count: usize) {
@@ -124,24 +136,19 @@ impl Record {
         self.filled = self.filled.saturating_add(count);
     }
 
-    /// A number that must be there and have a magnitude of at most `limit`.
-    pub(super) fn within(&self, index: usize, name: &'static str, limit: f64) -> Result<f64, Fault> {
-        self.between(index, name, -limit, limit)
-    }
-
-    fn between(&self, index: usize, name: &'static str, low: f64, high: f64) -> Result<f64, Fault> {
-        let value = self.value(index);
-        let value = value.ok_or_else(|| Fault {
+    /// A number that must be there.
+    pub(super) fn number(&self, index: usize, name: &'static str) -> Result<f64, Fault> {
+        self.value(index).ok_or_else(|| Fault {
             reason: "record with missing or unreadable values",
             detail: format!("{name} is missing or not a number"),
-        })?;
-        if (low..=high).contains(&value) {
-            return Ok(value);
-        }
-        Err(Fault {
-            reason: "record with impossible values",
-            detail: format!("{name} = {value:e}, limits {low:e} to {high:e}"),
         })
+    }
+
+    /// A number that must be there, and within bounds for what is made of it.
+    fn between(&self, index: usize, name: &'static str, low: f64, high: f64) -> Result<f64, Fault> {
+        let value = self.number(index, name)?;
+        within(name, value, low..=high)?;
+        Ok(value)
     }
 
     /// A group delay in seconds, NaN where it is missing.
@@ -159,7 +166,8 @@ fn small(field: &[u8]) -> Option<u32> {
 pub(super) fn ephemeris(record: &Record, skips: &mut Skips) -> Result<(GpsTime, KeplerEphemeris), Fault> {
     let message = message(record)?;
     let toc = clock_reference(record)?;
-    let toe_own_tow_s = record.between(11, "toe", 0.0, SECONDS_PER_WEEK)?;
+    let toe_own_tow_s = record.number(11, "toe")?;
+    check_reference_s("toe", toe_own_tow_s)?;
     let toe = orbit_reference(record, toc, toe_own_tow_s, skips)?;
     let issue_of_data = issue_of_data(record)?;
     let ephemeris = KeplerEphemeris {
@@ -168,29 +176,26 @@ pub(super) fn ephemeris(record: &Record, skips: &mut Skips) -> Result<(GpsTime, 
         toe,
         toe_own_tow_s,
         toc,
-        sqrt_a: record.between(10, "sqrt(A)", 4e3, 8e3)?,
-        eccentricity: record.between(8, "eccentricity", 0.0, 0.5)?,
-        i0_rad: record.within(15, "i0", 7.0)?,
-        i_dot_radps: record.within(19, "IDOT", 1e-7)?,
-        omega0_rad: record.within(13, "OMEGA0", 7.0)?,
-        omega_dot_radps: record.within(18, "OMEGA DOT", 1e-5)?,
-        omega_rad: record.within(17, "omega", 7.0)?,
-        m0_rad: record.within(6, "M0", 7.0)?,
-        delta_n_radps: record.within(5, "delta n", 1e-6)?,
-        cuc_cus_rad: (record.within(7, "Cuc", 1e-3)?, record.within(9, "Cus", 1e-3)?),
-        crc_crs_m: (record.within(16, "Crc", 1e4)?, record.within(4, "Crs", 1e4)?),
-        cic_cis_rad: (record.within(12, "Cic", 1e-3)?, record.within(14, "Cis", 1e-3)?),
-        clock: (
-            record.within(0, "af0", 0.1)?,
-            record.within(1, "af1", 1e-7)?,
-            record.within(2, "af2", 1e-12)?,
-        ),
+        sqrt_a: record.number(10, "sqrt(A)")?,
+        eccentricity: record.number(8, "eccentricity")?,
+        i0_rad: record.number(15, "i0")?,
+        i_dot_radps: record.number(19, "IDOT")?,
+        omega0_rad: record.number(13, "OMEGA0")?,
+        omega_dot_radps: record.number(18, "OMEGA DOT")?,
+        omega_rad: record.number(17, "omega")?,
+        m0_rad: record.number(6, "M0")?,
+        delta_n_radps: record.number(5, "delta n")?,
+        cuc_cus_rad: (record.number(7, "Cuc")?, record.number(9, "Cus")?),
+        crc_crs_m: (record.number(16, "Crc")?, record.number(4, "Crs")?),
+        cic_cis_rad: (record.number(12, "Cic")?, record.number(14, "Cis")?),
+        clock: (record.number(0, "af0")?, record.number(1, "af1")?, record.number(2, "af2")?),
         group_delays_s: group_delays(record, message),
         accuracy_m: accuracy(record),
-        health: record.between(24, "health", 0.0, 65_535.0)?,
+        health: record.number(24, "health")?,
         issue_of_data,
         issue_of_clock: issue_of_clock(record).unwrap_or(issue_of_data),
     };
+    ephemeris.check()?;
     Ok((transmission(record, toe), ephemeris))
 }
 
@@ -239,12 +244,6 @@ fn orbit_reference(
     let weeks = ((toc - same_week) / SECONDS_PER_WEEK).round();
     let toe = same_week + weeks * SECONDS_PER_WEEK;
     check_week(record, toe, skips)?;
-    if (toe - toc).abs() > MAX_TOE_TOC_S {
-        return Err(Fault {
-            reason: "record with impossible values",
-            detail: format!("toe {toe} and toc {toc} are more than {MAX_TOE_TOC_S} s apart"),
-        });
-    }
     Ok(toe)
 }
 
@@ -266,10 +265,7 @@ fn check_week(record: &Record, toe: GpsTime, skips: &mut Skips) -> Result<(), Fa
         });
         return Ok(());
     }
-    Err(Fault {
-        reason: "record with impossible values",
-        detail: format!("week {week} does not fit the epoch {toe}"),
-    })
+    Err(Fault::impossible(format!("week {week} does not fit the epoch {toe}")))
 }
 
 /// Time of transmission, s of the own week; `toe` where the file does not know it.

@@ -1,8 +1,9 @@
 //! When observation messages are: their time, and whether they are let through.
 
+use super::RtcmDecoder;
 use super::clock::{Resolved, SentTime, StreamClock};
 use super::gate::{Ahead, Ruling};
-use super::{RtcmDecoder, bits};
+use crate::formats::bits::Bits;
 use crate::formats::time_order::LONG_STEP_S;
 use crate::gnss::Constellation;
 use crate::time::GpsTime;
@@ -49,7 +50,7 @@ impl RtcmDecoder {
 
     fn impossible(&mut self, bytes: &[u8], sent: SentTime) {
         self.skips.add("message with an impossible time", || {
-            let number = bits::Bits::new(bytes).unsigned(12).unwrap_or_default();
+            let number = Bits::new(bytes).unsigned(12).unwrap_or_default();
             format!("message {number}: {sent:?}")
         });
     }

@@ -1,7 +1,7 @@
 //! Epoch times of messages, which lack the week (or even the day), to GPS time.
 
-use super::bits::{Bits, TooShort};
 use super::{legacy, msm_kind};
+use crate::formats::bits::{Bits, TooShort};
 use crate::formats::moscow::{self, MILLIS_PER_DAY};
 use crate::gnss::Constellation;
 use crate::time::{BEIDOU_BEHIND_GPS_S, GpsTime};

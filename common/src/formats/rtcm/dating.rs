@@ -9,7 +9,8 @@ mod place;
 use self::place::Claims;
 use super::clock::{SentTime, StreamClock};
 use super::date::Claim;
-use super::{MAX_BYTES_BEFORE_FIRST_FRAME, RtcmOptions, bits, ephemeris, frame, glonass};
+use super::{MAX_BYTES_BEFORE_FIRST_FRAME, RtcmOptions, ephemeris, frame, glonass};
+use crate::formats::bits::Bits;
 use crate::gnss::Constellation;
 use crate::skips::Skips;
 use crate::time::{GpsTime, SECONDS_PER_WEEK};
@@ -155,7 +156,7 @@ impl Dating {
     }
 
     fn claim(&self, bytes: &[u8]) -> Option<Claim> {
-        match bits::Bits::new(bytes).unsigned(12).ok()? {
+        match Bits::new(bytes).unsigned(12).ok()? {
             number @ (1019 | 1042 | 1044..=1046) => Some(ephemeris::read(bytes, number).ok()?.claim()),
             1020 => glonass::read(bytes).ok()?.claim(&self.clock),
             _ => None,

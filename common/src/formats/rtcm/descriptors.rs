@@ -1,6 +1,6 @@
 //! Messages 1007, 1008 and 1033: antenna and receiver of the reference station (RTCM 10403.3, tables 3.5-8, 3.5-9 and 3.5-33).
 
-use super::bits::{Bits, TooShort};
+use crate::formats::bits::{Bits, TooShort};
 use crate::formats::rinex::Equipment;
 
 /// Decodes message 1007, 1008 or 1033.

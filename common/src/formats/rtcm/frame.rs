@@ -3,6 +3,7 @@
 //! A preamble may be line noise. When the checksum of what follows is wrong, only that one byte is passed over and the
 //! search goes on behind it, so that noise never swallows a frame.
 
+use crate::formats::bits::crc24q;
 use crate::skips::Skips;
 
 const PREAMBLE: u8 = 0xd3;
@@ -94,38 +95,6 @@ fn look(bytes: &[u8]) -> Look {
         }
         _ => Look::NoPreamble,
     }
-}
-
-/// CRC-24Q: polynomial 0x1864CFB, initial value 0.
-const fn crc_table() -> [u32; 256] {
-    let mut table = [0; 256];
-    let mut index = 0;
-    while index < 256 {
-        #[allow(clippy::cast_possible_truncation)] // below 256
-        let mut value = (index as u32) << 16;
-        let mut bit = 0;
-        while bit < 8 {
-            value <<= 1;
-            if value & 0x100_0000 != 0 {
-                value ^= 0x186_4cfb;
-            }
-            bit += 1;
-        }
-        table[index] = value;
-        index += 1;
-    }
-    table
-}
-
-const CRC_TABLE: [u32; 256] = crc_table();
-
-/// Checksum of a frame.
-fn crc24q(bytes: &[u8]) -> u32 {
-    bytes.iter().fold(0, |crc: u32, byte| {
-        // Of the four bytes the first is always zero: the checksum has 24 bits.
-        let [_, high, _, _] = crc.to_be_bytes();
-        (crc << 8 & 0xff_ffff) ^ CRC_TABLE.get(usize::from(high ^ byte)).copied().unwrap_or_default()
-    })
 }
 
 #[cfg(test)]

@@ -3,14 +3,14 @@
 
 use nalgebra::Vector3;
 
-use super::bits::{Bits, TooShort};
 use super::clock::StreamClock;
 use super::date::{Claim, Unit};
-use super::ephemeris::{Fault, power, within};
+use super::ephemeris::Fault;
+use crate::formats::bits::{Bits, TooShort, power};
 use crate::formats::moscow::DAYS_OF_FOUR_YEARS;
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{Constellation, SatelliteId};
-use crate::orbit::{GlonassEphemeris, RADIUS_BOUNDS_M, SPEED_BOUNDS_MPS, accuracy_m};
+use crate::orbit::{GlonassEphemeris, accuracy_m, within};
 use crate::time::GpsTime;
 
 /// t_b counts quarters of an hour of the Moscow day.
@@ -34,8 +34,8 @@ pub(super) fn channel(bytes: &[u8]) -> Result<(u8, i8), Fault> {
 
 fn slot_and_channel(bits: &mut Bits<'_>) -> Result<(u8, i8), Fault> {
     let (slot, channel) = (bits.unsigned(6)?, bits.unsigned(5)?);
-    within("slot", f64::from(slot), 1.0, MAX_SLOT)?;
-    within("frequency channel (DF040)", f64::from(channel), 0.0, f64::from(LAST_CHANNEL))?;
+    within("slot", f64::from(slot), 1.0..=MAX_SLOT)?;
+    within("frequency channel (DF040)", f64::from(channel), 0.0..=f64::from(LAST_CHANNEL))?;
     // Both are small by now.
     let (slot, channel) = (u8::try_from(slot).unwrap_or(0), i8::try_from(channel).unwrap_or(0));
     Ok((slot, channel + LOWEST_CHANNEL))
@@ -61,18 +61,15 @@ pub(super) fn read(bytes: &[u8]) -> Result<Sent, Fault> {
     let health = u8::from(bits.flag()?);
     bits.skip(1); // P2
     let interval = bits.unsigned(7)?;
-    within("t_b (quarters of an hour)", f64::from(interval), 0.0, f64::from(LAST_INTERVAL))?;
+    within("t_b (quarters of an hour)", f64::from(interval), 0.0..=f64::from(LAST_INTERVAL))?;
     let [x, y, z] = [Axis::read(&mut bits)?, Axis::read(&mut bits)?, Axis::read(&mut bits)?];
     let rest = Rest::read(&mut bits)?;
     let of = |part: fn(&Axis) -> f64| Vector3::new(part(&x), part(&y), part(&z));
-    let (position, velocity) = (of(|axis| axis.position_m), of(|axis| axis.velocity_mps));
-    within("distance from the Earth's centre (m)", position.norm(), RADIUS_BOUNDS_M.0, RADIUS_BOUNDS_M.1)?;
-    within("speed (m/s)", velocity.norm(), SPEED_BOUNDS_MPS.0, SPEED_BOUNDS_MPS.1)?;
     let ephemeris = GlonassEphemeris {
         satellite: SatelliteId::new(Constellation::Glonass, slot),
         toe: GpsTime::default(),
-        position: Ecef(position),
-        velocity: EcefVector(velocity),
+        position: Ecef(of(|axis| axis.position_m)),
+        velocity: EcefVector(of(|axis| axis.velocity_mps)),
         acceleration: EcefVector(of(|axis| axis.acceleration_mps2)),
         tau_s: rest.tau_s,
         gamma: rest.gamma,
@@ -83,6 +80,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Sent, Fault> {
         age_days: rest.age_days,
         accuracy_m: accuracy_m(rest.accuracy_factor),
     };
+    ephemeris.check().map_err(|value| Fault::from(value).of(ephemeris.satellite))?;
     Ok(Sent { ephemeris, millis: i64::from(interval) * MILLIS_PER_INTERVAL, date: rest.date })
 }
 

@@ -18,7 +18,6 @@
 //! ```
 
 mod admission;
-mod bits;
 mod clock;
 mod date;
 mod dating;
@@ -43,13 +42,14 @@ pub use station::Station;
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::formats::bits::Bits;
 use crate::formats::decode::{Decoder, Record, WrongStream};
 use crate::formats::rinex::Equipment;
 use crate::formats::time_order::TimeOrder;
 use crate::gnss::{Constellation, LossOfLock, Observation, ObservationEpoch, SatelliteId};
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::Skips;
-use crate::time::GpsTime;
+use crate::time::{GpsTime, leap_seconds_at};
 use epoch::{Family, Part};
 
 /// After this many bytes without a frame the stream is not RTCM 3. A line may be noisy at the start, but not for so long.
@@ -75,9 +75,10 @@ pub struct RtcmOptions {
 }
 
 impl RtcmOptions {
-    /// A stream that begins near an instant, with the 18 leap seconds in force since 2017.
-    pub const fn near(near: GpsTime) -> Self {
-        Self { near, leap_seconds: 18 }
+    /// A stream that begins near an instant, with the leap seconds of then. UTC is behind by seconds only: the number is the same
+    /// except around a leap second itself.
+    pub fn near(near: GpsTime) -> Self {
+        Self { near, leap_seconds: u8::try_from(leap_seconds_at(near)).unwrap_or(0) }
     }
 
     fn clock(self) -> clock::StreamClock {
@@ -190,7 +191,7 @@ impl RtcmDecoder {
     }
 
     fn message(&mut self, bytes: &[u8]) {
-        let Ok(number) = bits::Bits::new(bytes).unsigned(12) else {
+        let Ok(number) = Bits::new(bytes).unsigned(12) else {
             self.skips.add("frame without a message", || format!("{} bytes", bytes.len()));
             return;
         };

@@ -1,8 +1,8 @@
 //! Multiple signal messages MSM4 to MSM7 (RTCM 10403.3): ranges, phases, rates, strengths by satellite and signal.
 
-use super::bits::{Bits, TooShort};
 use super::clock::SentTime;
 use super::lock::LockTime;
+use crate::formats::bits::{Bits, TooShort};
 use crate::gnss::Constellation;
 
 /// More cells than this are forbidden (DF396).

@@ -7,7 +7,7 @@ use crate::formats::rinex::{ObservationDecoder, is_compact_first_line, is_first_
 use crate::formats::rtcm::{RtcmDecoder, RtcmOptions, StreamDates};
 use crate::formats::text::content;
 use crate::formats::whu::{SpareLogDecoder, is_spare_log_line};
-use crate::time::{GpsTime, leap_seconds_at};
+use crate::time::GpsTime;
 
 use super::ObservationStream;
 
@@ -81,9 +81,7 @@ static TABLE: [Row; 6] = [
 ];
 
 fn rtcm(opening: &Opening) -> RtcmDecoder {
-    // UTC is behind by seconds only: the same number except around a leap second itself.
-    let leap_seconds = u8::try_from(leap_seconds_at(opening.near)).unwrap_or(0);
-    let decoder = RtcmDecoder::new(RtcmOptions { near: opening.near, leap_seconds });
+    let decoder = RtcmDecoder::new(RtcmOptions::near(opening.near));
     match &opening.dates {
         Some(dates) => decoder.with_dates(dates),
         None => decoder,

@@ -4,19 +4,14 @@
 
 mod fields;
 
-pub(super) use fields::power;
-use fields::{Orbit, Rest};
-
-use super::bits::{Bits, TooShort};
 use super::date::{Claim, Unit};
-use crate::gnss::Constellation;
-use crate::orbit::KeplerEphemeris;
+use crate::formats::bits::{Bits, TooShort};
+use crate::gnss::{Constellation, SatelliteId};
+use crate::orbit::{Implausible, KeplerEphemeris, NavigationMessage, check_reference_s, within};
 use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, GpsTime, SECONDS_PER_WEEK};
 
 /// Galileo week 0 is GPS week 1024.
 const GALILEO_WEEK_OFFSET: i64 = 1024;
-/// Clock reference and orbit reference are never farther apart than this, s.
-const MAX_TOE_TOC_S: f64 = 86_400.0;
 
 /// Why a message gives no ephemeris.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,44 +28,65 @@ impl From<TooShort> for Fault {
     }
 }
 
+impl From<Implausible> for Fault {
+    fn from(value: Implausible) -> Self {
+        Self::Impossible(value.to_string())
+    }
+}
+
+impl Fault {
+    /// The same, which names the satellite.
+    pub(super) fn of(self, satellite: SatelliteId) -> Self {
+        match self {
+            Self::TooShort => self,
+            Self::Impossible(detail) => Self::Impossible(format!("{satellite}: {detail}")),
+        }
+    }
+}
+
 /// An ephemeris as sent: all but its date is known.
 pub(super) struct Sent {
-    rest: Rest,
-    orbit: Orbit,
+    /// Its reference times are at the beginning of GPS time, as far apart as they are, when the whole message is read.
+    ephemeris: KeplerEphemeris,
+    /// toc, seconds of the system's own week.
+    toc_s: f64,
+    /// As sent, and how many weeks until the number repeats.
+    week: (u32, i64),
 }
 
 /// Reads an ephemeris message by its number.
 pub(super) fn read(bytes: &[u8], number: u32) -> Result<Sent, Fault> {
     let mut bits = Bits::new(bytes);
     bits.skip(12);
-    let (rest, orbit) = match number {
+    let mut sent = match number {
         1019 => fields::gps(&mut bits)?,
         1042 => fields::beidou(&mut bits)?,
         1044 => fields::qzss(&mut bits)?,
-        _ => fields::galileo(&mut bits, number == 1046)?,
+        1046 => fields::galileo(&mut bits, NavigationMessage::GalileoInav)?,
+        _ => fields::galileo(&mut bits, NavigationMessage::GalileoFnav)?,
     };
-    within("satellite number", f64::from(rest.satellite.number), 1.0, 63.0)?;
-    within("sqrt(A)", orbit.sqrt_a, 4e3, 8e3)?;
-    within("eccentricity", orbit.eccentricity, 0.0, 0.499)?;
-    within("toe", orbit.toe_s, 0.0, SECONDS_PER_WEEK - 1.0)?;
-    within("toc", rest.toc_s, 0.0, SECONDS_PER_WEEK - 1.0)?;
-    within("toc less toe (s)", from_toe_to_toc_s(&rest, &orbit), -MAX_TOE_TOC_S, MAX_TOE_TOC_S)?;
-    Ok(Sent { rest, orbit })
+    let ephemeris = &mut sent.ephemeris;
+    within("satellite number", f64::from(ephemeris.satellite.number), 1.0..=63.0)?;
+    ephemeris.toc = ephemeris.toe + from_toe_to_toc_s(ephemeris.toe_own_tow_s, sent.toc_s);
+    let check = check_reference_s("toc", sent.toc_s).and_then(|()| ephemeris.check());
+    check.map_err(|value| Fault::from(value).of(ephemeris.satellite))?;
+    Ok(sent)
 }
 
 impl Sent {
     /// The date that it states.
     pub(super) fn claim(&self) -> Claim {
-        let Self { rest, orbit } = self;
-        let (offset, behind_s) = match rest.satellite.constellation {
+        let Self { ephemeris, week, .. } = self;
+        let (offset, behind_s) = match ephemeris.satellite.constellation {
             Constellation::Beidou => (BEIDOU_WEEK_OFFSET, BEIDOU_BEHIND_GPS_S),
             Constellation::Galileo => (GALILEO_WEEK_OFFSET, 0.0),
             _ => (0, 0.0),
         };
-        let (week, period) = rest.week;
+        let (week, period) = *week;
+        let tow_s = ephemeris.toe_own_tow_s + behind_s;
         Claim {
-            satellite: rest.satellite,
-            as_sent: GpsTime::from_week_tow(i64::from(week) + offset, orbit.toe_s + behind_s),
+            satellite: ephemeris.satellite,
+            as_sent: GpsTime::from_week_tow(i64::from(week) + offset, tow_s),
             repeats_days: Some(7 * period),
             unit: Unit::Week,
         }
@@ -78,49 +94,13 @@ impl Sent {
 
     /// The ephemeris with its reference time.
     pub(super) fn dated(self, toe: GpsTime) -> KeplerEphemeris {
-        let toc = toe + from_toe_to_toc_s(&self.rest, &self.orbit);
-        assembled(&self.rest, &self.orbit, (toe, toc))
+        let toc = toe + (self.ephemeris.toc - self.ephemeris.toe);
+        KeplerEphemeris { toe, toc, ..self.ephemeris }
     }
 }
 
 /// From the orbit's reference time to the clock's, which is the nearest to it, s.
-fn from_toe_to_toc_s(rest: &Rest, orbit: &Orbit) -> f64 {
-    let difference_s = rest.toc_s - orbit.toe_s;
+fn from_toe_to_toc_s(toe_s: f64, toc_s: f64) -> f64 {
+    let difference_s = toc_s - toe_s;
     difference_s - (difference_s / SECONDS_PER_WEEK).round() * SECONDS_PER_WEEK
-}
-
-fn assembled(rest: &Rest, orbit: &Orbit, (toe, toc): (GpsTime, GpsTime)) -> KeplerEphemeris {
-    KeplerEphemeris {
-        satellite: rest.satellite,
-        message: rest.message,
-        toe,
-        toe_own_tow_s: orbit.toe_s,
-        toc,
-        sqrt_a: orbit.sqrt_a,
-        eccentricity: orbit.eccentricity,
-        i0_rad: orbit.i0_rad,
-        i_dot_radps: rest.i_dot_radps,
-        omega0_rad: orbit.omega0_rad,
-        omega_dot_radps: orbit.omega_dot_radps,
-        omega_rad: orbit.omega_rad,
-        m0_rad: orbit.m0_rad,
-        delta_n_radps: orbit.delta_n_radps,
-        cuc_cus_rad: (orbit.cuc_rad, orbit.cus_rad),
-        crc_crs_m: (orbit.crc_m, orbit.crs_m),
-        cic_cis_rad: (orbit.cic_rad, orbit.cis_rad),
-        clock: rest.clock,
-        group_delays_s: rest.group_delays_s,
-        accuracy_m: rest.accuracy_m,
-        health: f64::from(rest.health),
-        issue_of_data: rest.issue_of_data,
-        issue_of_clock: rest.issue_of_clock,
-    }
-}
-
-/// Refuses a value outside its limits.
-pub(super) fn within(name: &str, value: f64, low: f64, high: f64) -> Result<(), Fault> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(Fault::Impossible(format!("{name} = {value:e}, limits {low:e} to {high:e}")))
 }

@@ -1,6 +1,6 @@
 //! Layout of messages 1002, 1004, 1010 and 1012 (RTCM 10403.3, tables 3.5-2, -4, -12 and -14; data fields DF003 to DF050).
 
-use crate::formats::rtcm::bits::{Bits, TooShort};
+use crate::formats::bits::{Bits, TooShort};
 use crate::formats::rtcm::clock::SentTime;
 use crate::formats::rtcm::lock::LockTime;
 use crate::gnss::{Constellation, SignalCode};
