@@ -53,9 +53,8 @@ pub fn leap_seconds_at(utc: GpsTime) -> i64 {
 
 /// An instant in UTC, read as if it were GPS time. The leap second itself is the second before it once more.
 fn to_utc(time: GpsTime) -> GpsTime {
-    let before = |seconds: i64| GpsTime::from_nanos(time.nanos.saturating_sub(seconds * NANOS_PER_SECOND));
-    // Within seconds after a step in UTC the first look is a second too far.
-    before(leap_seconds_at(before(leap_seconds_at(time))))
+    // In the seconds between a step in GPS time and in UTC this is a second too early, but on the right side of the step.
+    GpsTime::from_nanos(time.nanos.saturating_sub(leap_seconds_at(time) * NANOS_PER_SECOND))
 }
 
 /// Seconds that GPS time is ahead of UTC at an instant, where a phone states a number; it counts as one that a file states.
