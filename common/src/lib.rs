@@ -27,7 +27,7 @@
 //! # From files to a fused position
 //!
 //! ```
-//! use cofix_common::constraint::Constraint;
+//! use cofix_common::constraint::{Constraint, Distance};
 //! use cofix_common::formats::decode::{Decoder, Record};
 //! use cofix_common::formats::{packing::decompress, stream::StreamDecoder};
 //! use cofix_common::fusion::engine::{Engine, EngineOptions, ScheduledConstraint};
@@ -49,7 +49,7 @@
 //!     let epochs = records.filter_map(|record| if let Record::Epoch(epoch) = record { Some(epoch) } else { None });
 //!     messages.push(epochs.map(|epoch| Some(pipeline.process(&epoch))).collect::<Vec<_>>());
 //! }
-//! let constraint = Constraint::Distance { phones: (0, 1), minimum_m: 0.0, maximum_m: 1.5 };
+//! let constraint = Constraint::Distance(Distance { phones: [0, 1], minimum_m: 0.0, maximum_m: 1.5 });
 //! let always = ScheduledConstraint { constraint, from_gps: None, to_gps: None };
 //! let mut engine = Engine::new(&names, vec![always], EngineOptions::default());
 //! // Both phones have an epoch at every second; `fusion::align` brings together those that do not.

@@ -1,7 +1,8 @@
 //! Truncation against rejection sampling, and its invariances.
 
 use cofix_common::constraint::{
-    Constraint, ConstraintOptions, DistanceModel, Enlargement, Method, constrain,
+    Constraint, ConstraintOptions, Distance, DistanceModel, Enlargement, Heading, Method, VerticalVelocity,
+    constrain,
 };
 use cofix_common::filter::STATES_PER_PHONE;
 use cofix_common::frames::{Geodetic, LocalFrame};
@@ -103,11 +104,11 @@ fn radial() -> ConstraintOptions {
 }
 
 fn vertical(phone: usize, maximum_mps: f64) -> Constraint {
-    Constraint::VerticalVelocity { phone, maximum_mps }
+    Constraint::VerticalVelocity(VerticalVelocity { phone, maximum_mps })
 }
 
 fn pair(first: usize, second: usize, minimum_m: f64, maximum_m: f64) -> Constraint {
-    Constraint::Distance { phones: (first, second), minimum_m, maximum_m }
+    Constraint::Distance(Distance { phones: [first, second], minimum_m, maximum_m })
 }
 
 #[test]
@@ -133,7 +134,7 @@ fn half_planes_at_an_angle_agree_with_sampling() {
     let mean = state(&[([0.0; 3], [6.0 * f64::sin(angle), 6.0 * f64::cos(angle), 0.1])]);
     let covariance = correlated(&[[5.0, 1.2, 0.2]], 5);
     let course_rad = 30f64.to_radians();
-    let heading = Constraint::Heading { phone: 0, course_rad, tolerance_rad: 10f64.to_radians() };
+    let heading = Constraint::Heading(Heading { phone: 0, course_rad, tolerance_rad: 10f64.to_radians() });
     let constraints = [heading, vertical(0, 0.3)];
     let truth = sampled(&mean, &covariance, &constraints, 1_000_000);
     assert!(truth.2 > 3_000, "{}", truth.2);
@@ -204,14 +205,14 @@ fn phones_in_one_car_and_their_velocities_agree_with_sampling() {
 fn any_constraints() -> impl Strategy<Value = Vec<Constraint>> {
     let distance =
         (0usize..3, 1usize..3, 0.0..30.0, 0.0..50.0).prop_map(|(first, step, minimum_m, width_m)| {
-            let phones = (first, (first + step) % 3);
-            Constraint::Distance { phones, minimum_m, maximum_m: minimum_m + width_m }
+            let phones = [first, (first + step) % 3];
+            Constraint::Distance(Distance { phones, minimum_m, maximum_m: minimum_m + width_m })
         });
     let near = (0usize..3, 1usize..3, 0.1..5.0)
         .prop_map(|(first, step, maximum_m)| pair(first, (first + step) % 3, 0.0, maximum_m));
     let vertical = (0usize..3, 0.0..1.0).prop_map(|(phone, maximum_mps)| vertical(phone, maximum_mps));
     let heading = (0usize..3, -7.0..7.0, 0.0..1.5).prop_map(|(phone, course_rad, tolerance_rad)| {
-        Constraint::Heading { phone, course_rad, tolerance_rad }
+        Constraint::Heading(Heading { phone, course_rad, tolerance_rad })
     });
     prop::collection::vec(prop_oneof![distance, near, vertical, heading], 1..7)
 }
@@ -250,7 +251,7 @@ const SIGMAS: [[f64; 3]; 3] = [[6.0, 0.5, 0.1], [3.0, 0.8, 0.2], [10.0, 0.3, 0.1
 fn with_one_distance(constraints: &[Constraint], state: &DVector<f64>) -> Vec<Constraint> {
     let mut seen = false;
     let mut keep = |constraint: &&Constraint| match **constraint {
-        Constraint::Distance { minimum_m, .. } => {
+        Constraint::Distance(Distance { minimum_m, .. }) => {
             let first = !std::mem::replace(&mut seen, true);
             first && constraint.value(state, 0.0).unwrap_or(0.0) > minimum_m
         }

@@ -8,7 +8,7 @@ use cofix_common::atmosphere::{
     STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
 };
 use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
-use cofix_common::constraint::Constraint;
+use cofix_common::constraint::{Constraint, Distance, VerticalVelocity};
 use cofix_common::frames::LocalFrame;
 use cofix_common::gnss::{ClockGroup, Constellation, Observation, SatelliteId, SignalCode};
 use cofix_common::orbit::Products;
@@ -119,19 +119,19 @@ fn the_truth_keeps_the_constraints() {
             let truth: Vec<_> = tables.iter().map(|table| table[second]).collect();
             for constraint in &constraints {
                 match *constraint {
-                    Constraint::Distance { phones: (a, b), minimum_m, maximum_m } => {
+                    Constraint::Distance(Distance { phones: [a, b], minimum_m, maximum_m }) => {
                         let distance = truth[a].position.distance_m(truth[b].position);
                         assert!(
                             (minimum_m..=maximum_m).contains(&distance),
                             "{name}, {second} s: {distance} {constraint:?}"
                         );
                     }
-                    Constraint::VerticalVelocity { phone, maximum_mps } => {
+                    Constraint::VerticalVelocity(VerticalVelocity { phone, maximum_mps }) => {
                         let frame = LocalFrame::at(truth[phone].position);
                         let up = frame.vector_ecef_to_enu(truth[phone].velocity).up;
                         assert!(up.abs() <= maximum_mps && maximum_mps < 0.8, "{name}, {second} s: {up}");
                     }
-                    Constraint::Heading { .. } => panic!("not asked for"),
+                    _ => panic!("not asked for"),
                 }
             }
         }
@@ -144,7 +144,9 @@ fn bounds_within_a_car_leave_room_and_are_no_wider_than_a_car() {
         let simulation = simulation(scenario);
         let phones = &simulation.scenario().phones;
         for constraint in simulation.distance_constraints() {
-            let Constraint::Distance { phones: (a, b), minimum_m, maximum_m } = constraint else { continue };
+            let Constraint::Distance(Distance { phones: [a, b], minimum_m, maximum_m }) = constraint else {
+                continue;
+            };
             let apart_m = phones[a].mount.distance_m(&phones[b].mount);
             if phones[a].vehicle == phones[b].vehicle {
                 assert!(minimum_m == 0.0 && maximum_m <= 2.5, "{name}: {constraint:?}");

@@ -10,7 +10,7 @@ mod beside;
 use std::sync::Arc;
 use std::time::Duration;
 
-use cofix_common::constraint::Constraint;
+use cofix_common::constraint::{Constraint, Distance, VerticalVelocity};
 use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::fusion::align::{AlignOptions, Aligner};
 use cofix_common::fusion::engine::{Engine, EngineOptions, ScheduledConstraint};
@@ -56,9 +56,11 @@ impl Session {
 /// Two metres between all pairs, one metre a second upwards: as in the session file.
 fn constraints() -> Vec<ScheduledConstraint> {
     let always = |constraint| ScheduledConstraint { constraint, from_gps: None, to_gps: None };
-    let pairs = (0..PHONES.len()).flat_map(|a| (a + 1..PHONES.len()).map(move |b| (a, b)));
-    let distances = pairs.map(|phones| Constraint::Distance { phones, minimum_m: 0.0, maximum_m: 2.0 });
-    let speeds = (0..PHONES.len()).map(|phone| Constraint::VerticalVelocity { phone, maximum_mps: 1.0 });
+    let pairs = (0..PHONES.len()).flat_map(|a| (a + 1..PHONES.len()).map(move |b| [a, b]));
+    let distances =
+        pairs.map(|phones| Constraint::Distance(Distance { phones, minimum_m: 0.0, maximum_m: 2.0 }));
+    let speeds = (0..PHONES.len())
+        .map(|phone| Constraint::VerticalVelocity(VerticalVelocity { phone, maximum_mps: 1.0 }));
     distances.chain(speeds).map(always).collect()
 }
 

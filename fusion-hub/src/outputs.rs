@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Context;
 use cofix_agent::files::{Named, OutputFile};
 use cofix_agent::status::Moment;
-use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
+use cofix_common::constraint::{ConstraintAction, ConstraintOutcome};
 use cofix_common::wire::FusedMessage;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -254,11 +254,5 @@ fn fused_message(epoch: &FusedEpoch, index: usize, name: &str) -> Option<FusedMe
 
 /// Whether a constraint was applied to a phone.
 fn concerns(action: &ConstraintAction, index: usize) -> bool {
-    if matches!(action.outcome, ConstraintOutcome::Skipped(_)) {
-        return false;
-    }
-    match action.constraint {
-        Constraint::Distance { phones: (i, j), .. } => i == index || j == index,
-        Constraint::VerticalVelocity { phone, .. } | Constraint::Heading { phone, .. } => phone == index,
-    }
+    !matches!(action.outcome, ConstraintOutcome::Skipped(_)) && action.constraint.phones().contains(&index)
 }

@@ -13,7 +13,8 @@ use cofix_common::formats::phone::Typical;
 use cofix_common::skips::Skips;
 use serde::Serialize;
 
-pub use constraints::{Bounds, ConstraintReport, describe};
+pub(crate) use constraints::label;
+pub use constraints::{ConstraintReport, describe};
 pub use inputs::InputFile;
 pub use settings::SettingsReport;
 pub(crate) use table::Verdicts;

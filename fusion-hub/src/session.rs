@@ -60,6 +60,7 @@
 //! Paths are relative to the file, or to a folder that is named when it is read. Unknown keys are errors.
 
 mod advice;
+mod constraint;
 mod rules;
 mod text;
 

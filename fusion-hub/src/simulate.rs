@@ -129,7 +129,7 @@ pub fn simulate(arguments: &Arguments, stop: &Stop) -> anyhow::Result<PathBuf> {
     }
     folder.write(sample::NAVIGATION, |put| sample.navigation(put))?;
     let command = arguments.command(simulation.phone_names().len());
-    folder.write(sample::SESSION, |put| put(&sample.session(&command)))?;
+    folder.write(sample::SESSION, |put| put(&sample.session(&command)?))?;
     folder.finish()?;
     Ok(arguments.out.join(sample::SESSION))
 }

@@ -92,7 +92,7 @@ impl Status {
 
 #[cfg(test)]
 mod tests {
-    use cofix_common::constraint::{Constraint, ConstraintAction};
+    use cofix_common::constraint::{ConstraintAction, Distance};
     use cofix_common::integrity::{Cause, RaimReport, Verdict};
     use cofix_common::time::GpsTime;
     use cofix_common::wire::EpochMessage;
@@ -114,9 +114,16 @@ mod tests {
             local: None,
             raim: RaimReport { verdict, global_test: None, excluded: 0 },
         };
-        let constraint = Constraint::Distance { phones: (0, 1), minimum_m: 0.0, maximum_m: 2.0 };
-        let action =
-            ConstraintAction { constraint, before: 1.0, after: 1.0, shift_m: 0.0, enlargements: 0, outcome };
+        let constraint = Distance { phones: [0, 1], minimum_m: 0.0, maximum_m: 2.0 }.into();
+        let action = ConstraintAction {
+            index: 0,
+            constraint,
+            before: 1.0,
+            after: 1.0,
+            shift_m: 0.0,
+            enlargements: 0,
+            outcome,
+        };
         FusedEpoch {
             time_gps: at(second),
             phones: vec![

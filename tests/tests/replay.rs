@@ -190,7 +190,7 @@ fn what_is_wrong_without_stopping_a_run_is_said() {
     let mut plan = small_plan(2, 30.0).unwrap();
     plan.phones[1].source = plan.phones[0].source.clone();
     for scheduled in &mut plan.constraints {
-        let is_distance = matches!(scheduled.constraint, Constraint::Distance { .. });
+        let is_distance = matches!(scheduled.constraint, Constraint::Distance(_));
         scheduled.to_gps = is_distance.then_some("2001-01-01T00:00:00".parse().unwrap());
     }
     let outcome = run(&plan).unwrap();

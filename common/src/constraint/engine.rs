@@ -9,18 +9,16 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::kinds::{At, Length, NO_DIRECTION};
 use super::options::{ConstraintOptions, Method};
-use super::rows::{DistanceBounds, Motion, Rows, heading_rows};
+use super::rows::Rows;
 use super::sites::{CONVERGED, Former, Posterior};
-use super::task::{TOLERANCE, Task, rows_at};
+use super::task::{TOLERANCE, Task};
 use super::truncation::{Enlargement, Gaussian, Interval, moments_within, plausible, truncate};
 use super::{Constraint, ConstraintAction, SkipReason};
-use crate::filter::STATES_PER_PHONE;
 
 /// Sweeps in which rows are linearised anew. Later ones keep them: with fixed rows the sites settle.
 const LINEARISING_SWEEPS: u32 = 3;
-/// Widest tolerance that a course is enlarged to, rad (89°).
-const WIDEST_TOLERANCE_RAD: f64 = 1.553_343_034_274_953_4;
 
 struct Engine<'a> {
     posterior: Posterior<'a>,
@@ -28,19 +26,20 @@ struct Engine<'a> {
 }
 
 /// Applies constraints to a joint Gaussian state, in place, and tells what those did that acted, were violated or could
-/// not be applied.
+/// not be applied, each by its place in `constraints`.
 ///
 /// `state` holds nine elements per phone (see [`crate::filter`]), `covariance` theirs. A constraint that cannot be
-/// applied (see [`SkipReason`]) changes nothing. A heading whose phone is too slow for one (see
-/// [`HeadingGate`](super::HeadingGate)) does not apply and is not reported. The covariance stays symmetric.
+/// applied (see [`SkipReason`]) changes nothing. One that has nothing to say of the state, as a heading whose phone is too slow
+/// for one (see [`HeadingGate`](super::HeadingGate)), is not reported. The covariance stays symmetric.
 pub fn constrain(
     state: &mut DVector<f64>,
     covariance: &mut DMatrix<f64>,
     constraints: &[Constraint],
     options: &ConstraintOptions,
 ) -> Vec<ConstraintAction> {
-    let mut tasks: Vec<Task> =
-        constraints.iter().map(|constraint| Task::new(*constraint, state, covariance, options)).collect();
+    let prior = At { state, covariance, options };
+    let task = |(index, constraint): (usize, &Constraint)| Task::new(index, *constraint, &prior);
+    let mut tasks: Vec<Task> = constraints.iter().enumerate().map(task).collect();
     if tasks.iter().all(|task| task.idle) {
         return Vec::new();
     }
@@ -102,19 +101,16 @@ impl Engine<'_> {
         let turned = self.turned_rows(task, sweep)?;
         let Some(given) = turned.or(task.rows) else { return Ok(0.0) };
         let (mut rows, mut policy) = (given, self.options.enlargement);
-        if let Constraint::Heading { phone, course_rad, tolerance_rad } = task.constraint
-            && policy != Enlargement::Fixed
-        {
-            // A course's half-planes have no width of their own: the tolerance is enlarged for all of them, before the
-            // first, on the state without this constraint.
+        if policy != Enlargement::Fixed && task.constraint.kind().widens_as_a_whole() {
+            // The bounds are enlarged for all rows, before the first, on the state without this constraint.
             self.remove_all(task);
-            let motion = Motion::of(self.posterior.state, phone, self.options.horizon_s)
-                .ok_or(SkipReason::NotFinite)?;
-            (rows, task.enlargements) = self.enlarged_heading(&motion, course_rad, tolerance_rad)?;
+            (rows, task.enlargements) = self.widened_rows(&task.constraint)?;
             policy = Enlargement::Fixed;
         }
-        if self.skips_ahead_row(task) {
-            rows[0] = None;
+        if matches!(self.options.method, Method::ExpectationPropagation { .. }) {
+            for row in &mut rows {
+                *row = row.filter(|bounded| !bounded.is_implied);
+            }
         }
         let mut change = 0.0f64;
         for index in 0..rows.len() {
@@ -123,14 +119,14 @@ impl Engine<'_> {
                 rows[index] = task.rows.and_then(|former| former[index]);
                 continue;
             }
-            if let Constraint::Distance { phones, minimum_m, maximum_m } = task.constraint
+            if let Some(length) = task.constraint.kind().length()
                 && (index, turned.is_some()) == (0, true)
             {
-                self.settle(&mut rows, DistanceBounds { phones, minimum_m, maximum_m });
+                self.settle(&mut rows, length);
             }
             // Whether a row acts is asked of the bounds as given; how it acts, of the enlarged ones.
             let Some((bounded, given)) = rows[index].zip(given[index]) else { continue };
-            let inside = given.interval.contains(given.row.times(self.posterior.state));
+            let inside = given.interval.contains(given.row.at(self.posterior.state));
             if inside && !self.options.act_when_inside && task.sites[index].is_none() {
                 continue;
             }
@@ -147,85 +143,80 @@ impl Engine<'_> {
         Ok(change)
     }
 
-    /// Under expectation propagation the first half-plane of a heading is left out: the other two imply it.
-    fn skips_ahead_row(&self, task: &Task) -> bool {
-        matches!(task.constraint, Constraint::Heading { .. })
-            && matches!(self.options.method, Method::ExpectationPropagation { .. })
+    /// The state as it stands.
+    fn at(&self) -> At<'_> {
+        At { state: self.posterior.state, covariance: self.posterior.covariance, options: self.options }
     }
 
-    /// The rows of a distance linearised about the present state, when they should be: while it is out of bounds or has a
-    /// minimum. `None` keeps those it has; all other constraints are linear.
+    /// The rows of a bounded length linearised about the present state, when they should be: while it is out of bounds or has
+    /// a minimum. `None` keeps those it has; all other constraints are linear.
     fn turned_rows(&self, task: &Task, sweep: u32) -> Result<Option<Rows>, SkipReason> {
-        match task.constraint {
-            Constraint::Distance { minimum_m, .. }
-                if sweep < LINEARISING_SWEEPS && (minimum_m > 0.0 || self.is_violated(&task.constraint)) =>
-            {
-                rows_at(&task.constraint, self.posterior.state, self.posterior.covariance, self.options)
-                    .map(Some)
-            }
-            _ => Ok(None),
+        let kind = task.constraint.kind();
+        if kind.length().is_some()
+            && sweep < LINEARISING_SWEEPS
+            && (kind.bounds().lower > 0.0 || self.is_violated(&task.constraint))
+        {
+            kind.rows(&self.at()).map(Some)
+        } else {
+            Ok(None)
         }
     }
 
-    /// Turns a distance's rows until the truncation of the state as it stands (the cavity) keeps the distance
+    /// Turns a length's rows until the truncation of the state as it stands (the cavity) keeps the length
     /// in bounds or no longer changes it.
-    fn settle(&mut self, rows: &mut Rows, bounds: DistanceBounds) {
-        let mut last_m = f64::INFINITY;
+    fn settle(&mut self, rows: &mut Rows, length: &dyn Length) {
+        let mut last = f64::INFINITY;
         for _ in 0..self.options.max_relinearisations {
-            let Some((bounded, difference)) = rows[0].zip(bounds.difference(self.posterior.state)) else {
-                return;
-            };
+            let Some((bounded, vector)) = rows[0].zip(length.vector(&self.at())) else { return };
             let Ok(law) = self.posterior.project(&bounded.row) else { return };
             let Some(truncation) = truncate(law, bounded.interval, self.options.enlargement) else { return };
             let step = (truncation.moments.mean - law.mean) / law.variance;
-            let (i, j) = (STATES_PER_PHONE * bounds.phones.0, STATES_PER_PHONE * bounds.phones.1);
-            let relative_gain =
-                self.posterior.gain.fixed_rows::<3>(i) - self.posterior.gain.fixed_rows::<3>(j);
-            let moved = difference + step * relative_gain;
-            let distance_m = moved.norm();
+            let Some(relative_gain) = length.change(&self.at(), &self.posterior.gain) else { return };
+            let moved = vector + step * relative_gain;
+            let size = moved.norm();
             let Interval { lower, upper } = bounded.interval;
-            if (distance_m >= lower - TOLERANCE && distance_m <= upper + TOLERANCE)
-                || (distance_m - last_m).abs() <= TOLERANCE
-                || DistanceBounds::is_without_direction(&moved)
+            if (size >= lower - TOLERANCE && size <= upper + TOLERANCE)
+                || (size - last).abs() <= TOLERANCE
+                || size <= NO_DIRECTION
             {
                 return;
             }
-            last_m = distance_m;
-            let direction = moved / distance_m;
-            *rows = bounds.rows(&direction, self.posterior.covariance, self.options.distance_model);
+            last = size;
+            let Some(turned) = length.rows_along(&self.at(), &(moved / size)) else { return };
+            *rows = turned;
         }
     }
 
-    /// A heading's rows with the tolerance that Algorithm 1 arrives at, and the number of enlargements.
-    fn enlarged_heading(
-        &self,
-        motion: &Motion,
-        course_rad: f64,
-        tolerance_rad: f64,
-    ) -> Result<(Rows, u32), SkipReason> {
-        let mut rows = heading_rows(motion, course_rad, tolerance_rad);
+    /// A constraint's rows with the bounds that Algorithm 1 arrives at, and the number of enlargements.
+    fn widened_rows(&self, constraint: &Constraint) -> Result<(Rows, u32), SkipReason> {
+        let (mut wide, mut times) = (*constraint, 0);
+        let mut rows = wide.kind().rows(&self.at())?;
         let Enlargement::Peng { confidence, factor, max_iterations } = self.options.enlargement else {
-            return Ok((rows, 0));
+            return Ok((rows, times));
         };
-        let (mut tolerance_rad, mut times) = (tolerance_rad.max(TOLERANCE), 0);
-        while times < max_iterations && tolerance_rad < WIDEST_TOLERANCE_RAD {
-            let mut all_plausible = true;
-            for bounded in rows.iter().skip(1).flatten() {
-                let law = Gaussian {
-                    mean: bounded.row.times(self.posterior.state),
-                    variance: bounded.row.variance(self.posterior.covariance),
-                };
-                let moments = moments_within(law, bounded.interval).ok_or(SkipReason::NoVariance)?;
-                all_plausible &= plausible(moments, bounded.interval, confidence);
-            }
-            if all_plausible {
-                break;
-            }
+        while times < max_iterations
+            && let Some(wider) = wide.kind().widened(factor)
+            && !self.are_plausible(&rows, confidence)?
+        {
             times += 1;
-            tolerance_rad = (tolerance_rad * factor).min(WIDEST_TOLERANCE_RAD);
-            rows = heading_rows(motion, course_rad, tolerance_rad);
+            wide = wider;
+            rows = wide.kind().rows(&self.at())?;
         }
         Ok((rows, times))
+    }
+
+    /// Whether the intervals of all rows, but for implied ones, are plausible under the law within them.
+    fn are_plausible(&self, rows: &Rows, confidence: f64) -> Result<bool, SkipReason> {
+        let mut all_plausible = true;
+        for bounded in rows.iter().flatten().filter(|bounded| !bounded.is_implied) {
+            let law = Gaussian {
+                mean: bounded.row.at(self.posterior.state),
+                variance: bounded.row.variance(self.posterior.covariance),
+            };
+            let moments = moments_within(law, bounded.interval).ok_or(SkipReason::NoVariance)?;
+            all_plausible &= plausible(moments, bounded.interval, confidence);
+        }
+        Ok(all_plausible)
     }
 
     /// Takes all of a constraint's sites out.

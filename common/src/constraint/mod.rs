@@ -13,7 +13,8 @@
 //! | part | what it does |
 //! |---|---|
 //! | [`options`] | method, enlargement, gates; the presets |
-//! | [`rows`] | a constraint as bounded rows at a state |
+//! | [`kinds`] | everything about a kind of constraint, a file each: bounds, value, rows, gate, words, written form |
+//! | [`rows`] | what rows are made of |
 //! | [`truncation`] | one interval and one scalar, with the enlargement of Algorithm 1 |
 //! | [`engine`] | many constraints on one state: one by one, or by expectation propagation |
 //!
@@ -22,52 +23,25 @@
 //! which is none; and information that the state already contains must not come back as a constraint.
 
 pub mod engine;
+pub mod kinds;
 pub mod options;
 pub mod rows;
 mod sites;
 mod task;
 pub mod truncation;
 
-use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 pub use engine::constrain;
+pub use kinds::{Constraint, Distance, Heading, VerticalVelocity};
 pub use options::{ConstraintOptions, DistanceModel, HeadingGate, Method};
 pub use truncation::Enlargement;
 
-/// A constraint on the phones of a joint state, by their index in it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Constraint {
-    /// minimum ≤ |r_i − r_j| ≤ maximum (Peng Eq. 19).
-    Distance {
-        /// The pair's indices.
-        phones: (usize, usize),
-        /// Lower bound, m, ≥ 0.
-        minimum_m: f64,
-        /// Upper bound, m; may be infinite.
-        maximum_m: f64,
-    },
-    /// |v_up| ≤ maximum (Peng Eq. 4-12).
-    VerticalVelocity {
-        /// The phone's index.
-        phone: usize,
-        /// Bound, m/s.
-        maximum_mps: f64,
-    },
-    /// |course − given| ≤ tolerance (Peng Eq. 13-18).
-    Heading {
-        /// The phone's index.
-        phone: usize,
-        /// Course over ground, rad, clockwise from north.
-        course_rad: f64,
-        /// Tolerance, rad, below π/2.
-        tolerance_rad: f64,
-    },
-}
-
 /// What one constraint did at one epoch.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConstraintAction {
+    /// Its place in the list of constraints that was given.
+    pub index: usize,
     /// The constraint.
     pub constraint: Constraint,
     /// The constrained quantity before, in the constraint's unit (m, m/s, rad off course).
@@ -107,74 +81,6 @@ pub enum SkipReason {
     NotFinite,
     /// The state contradicts it beyond [`ConstraintOptions::contradiction_sigmas`]: one of the two is wrong.
     Contradicted,
-}
-
-impl Constraint {
-    /// The phones that it concerns; one phone comes twice.
-    pub const fn phones(&self) -> [usize; 2] {
-        match *self {
-            Self::Distance { phones: (first, second), .. } => [first, second],
-            Self::VerticalVelocity { phone, .. } | Self::Heading { phone, .. } => [phone, phone],
-        }
-    }
-
-    /// The constrained quantity in a joint state: distance (m), vertical velocity (m/s, positive up) or angle off the
-    /// course (rad, in (−π, π], positive to the right).
-    ///
-    /// The velocity is the mean one over `horizon_s` to come, v + ½a·horizon; 0 takes the velocity itself. `None` when
-    /// the state does not hold the phones, is not finite, or a course is asked of a phone without horizontal velocity.
-    pub fn value(&self, state: &DVector<f64>, horizon_s: f64) -> Option<f64> {
-        let value = match *self {
-            Self::Distance { phones: (first, second), .. } => {
-                rows::position(state, first)?.distance_m(rows::position(state, second)?)
-            }
-            Self::VerticalVelocity { phone, .. } => rows::Motion::of(state, phone, horizon_s)?.velocity().up,
-            Self::Heading { phone, course_rad, .. } => {
-                let velocity = rows::Motion::of(state, phone, horizon_s)?.velocity();
-                if velocity.horizontal() == 0.0 {
-                    return None;
-                }
-                wrap_rad(velocity.east.atan2(velocity.north) - course_rad)
-            }
-        };
-        value.is_finite().then_some(value)
-    }
-
-    /// Whether a value (see [`Constraint::value`]) is within the bounds.
-    pub fn holds(&self, value: f64) -> bool {
-        self.excess(value) == 0.0
-    }
-
-    /// How far a value is outside of the bounds, in its unit; 0 inside, NaN for NaN.
-    pub fn excess(&self, value: f64) -> f64 {
-        let (quantity, minimum, maximum) = match *self {
-            Self::Distance { minimum_m, maximum_m, .. } => (value, minimum_m, maximum_m),
-            Self::VerticalVelocity { maximum_mps, .. } => (value.abs(), 0.0, maximum_mps),
-            Self::Heading { tolerance_rad, .. } => (wrap_rad(value).abs(), 0.0, tolerance_rad),
-        };
-        if quantity < minimum {
-            minimum - quantity
-        } else if quantity > maximum {
-            quantity - maximum
-        } else if quantity.is_nan() {
-            quantity
-        } else {
-            0.0
-        }
-    }
-
-    /// Whether the bounds make sense.
-    fn has_valid_bounds(&self) -> bool {
-        match *self {
-            Self::Distance { minimum_m, maximum_m, .. } => {
-                minimum_m >= 0.0 && minimum_m.is_finite() && maximum_m >= minimum_m
-            }
-            Self::VerticalVelocity { maximum_mps, .. } => maximum_mps >= 0.0,
-            Self::Heading { course_rad, tolerance_rad, .. } => {
-                course_rad.is_finite() && (0.0..std::f64::consts::FRAC_PI_2).contains(&tolerance_rad)
-            }
-        }
-    }
 }
 
 /// An angle in (−π, π].

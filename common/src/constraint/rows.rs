@@ -1,40 +1,48 @@
-//! Constraints as bounded rows of a joint state.
+//! Bounded rows of a joint state, which constraints are made of.
 //!
-//! All rows are homogeneous, cᵀX with no constant term: velocities are linear, and a distance is |d| = uᵀd with the
-//! unit vector u that it is linearised at. The turn of the up vector with the phone's position is left out of the rows; it
+//! A row is cᵀX + c₀. The constant is zero where the quantity is linear or, like a length |d| = uᵀd with the unit vector u that it
+//! is linearised at, homogeneous. The turn of the up vector with the phone's position is left out of the rows; it
 //! is one part in 6.4 million per metre.
 
-use std::f64::consts::FRAC_PI_2;
+use nalgebra::{DMatrix, DVector, Vector3};
 
-use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
-
-use super::options::DistanceModel;
 use super::truncation::Interval;
 use crate::filter::STATES_PER_PHONE;
 use crate::frames::{Ecef, EcefVector, Enu, LocalFrame};
 
 /// Most nonzero elements of a row: two vectors.
 const NONZEROS: usize = 6;
-/// Phones closer than this have no direction from one to the other, m.
-const NO_DIRECTION_M: f64 = 1e-3;
-/// Narrowest course tolerance that makes two distinct half-planes, rad.
-const LEAST_TOLERANCE_RAD: f64 = 1e-3;
 
-/// A row with up to six nonzero elements.
+/// A row with up to six nonzero elements, and a constant that is added to its product with the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SparseRow {
     offsets: [usize; NONZEROS],
     values: [f64; NONZEROS],
     length: usize,
+    constant: f64,
 }
 
-/// A row and the interval that its product with the state lies in.
+/// A row and the interval that its value at the state lies in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoundedRow {
     /// The row.
     pub row: SparseRow,
-    /// Where the product lies.
+    /// Where the value lies.
     pub interval: Interval,
+    /// Whether the constraint's other rows imply it. Expectation propagation leaves it out.
+    pub is_implied: bool,
+}
+
+impl BoundedRow {
+    /// A row that no other one implies.
+    pub const fn new(row: SparseRow, interval: Interval) -> Self {
+        Self { row, interval, is_implied: false }
+    }
+
+    /// The same, implied by the constraint's other rows.
+    pub const fn implied(self) -> Self {
+        Self { is_implied: true, ..self }
+    }
 }
 
 /// Up to three bounded rows.
@@ -43,7 +51,7 @@ pub type Rows = [Option<BoundedRow>; 3];
 impl SparseRow {
     /// A row of one vector at an offset into the state.
     pub fn of(offset: usize, vector: &Vector3<f64>) -> Self {
-        let mut row = Self { offsets: [0; NONZEROS], values: [0.0; NONZEROS], length: 0 };
+        let mut row = Self { offsets: [0; NONZEROS], values: [0.0; NONZEROS], length: 0, constant: 0.0 };
         row.push(offset, vector);
         row
     }
@@ -53,6 +61,11 @@ impl SparseRow {
         let mut row = Self::of(first.0, first.1);
         row.push(second.0, second.1);
         row
+    }
+
+    /// The row with another constant: value − c·X of a quantity that is linearised at X.
+    pub const fn with_constant(self, constant: f64) -> Self {
+        Self { constant, ..self }
     }
 
     fn push(&mut self, offset: usize, vector: &Vector3<f64>) {
@@ -71,6 +84,11 @@ impl SparseRow {
     /// Whether all offsets lie within a state of this many elements.
     pub fn fits(&self, elements: usize) -> bool {
         self.iter().all(|(offset, _)| offset < elements)
+    }
+
+    /// cᵀX + c₀. The row must fit the state.
+    pub fn at(&self, state: &DVector<f64>) -> f64 {
+        self.times(state) + self.constant
     }
 
     /// cᵀX. The row must fit the state.
@@ -148,127 +166,4 @@ impl Motion {
         let north = self.row(Enu { east: 0.0, north: 1.0, up: 0.0 }).variance(covariance);
         (east + north).sqrt()
     }
-}
-
-/// |v_up| ≤ maximum: one row with two bounds (Peng Eq. 11, divided by Δt).
-pub fn vertical_velocity_rows(motion: &Motion, maximum_mps: f64) -> Rows {
-    let row = motion.row(Enu { east: 0.0, north: 0.0, up: 1.0 });
-    [Some(BoundedRow { row, interval: Interval { lower: -maximum_mps, upper: maximum_mps } }), None, None]
-}
-
-/// |course − given| ≤ tolerance as half-planes of the velocity (Peng Eq. 18, divided by Δt): ahead, not too far
-/// right, not too far left. The last two, here scaled by the cosine of the tolerance, imply the first.
-pub fn heading_rows(motion: &Motion, course_rad: f64, tolerance_rad: f64) -> Rows {
-    let (sin_course, cos_course) = course_rad.sin_cos();
-    let (sin_tolerance, cos_tolerance) = tolerance_rad.clamp(LEAST_TOLERANCE_RAD, FRAC_PI_2).sin_cos();
-    // Components across the course (to the right) and along it (Eq. 15).
-    let row = |across: f64, along: f64| {
-        motion.row(Enu {
-            east: across * cos_course + along * sin_course,
-            north: along * cos_course - across * sin_course,
-            up: 0.0,
-        })
-    };
-    let below_zero = Interval { lower: f64::NEG_INFINITY, upper: 0.0 };
-    let bounded = |row: SparseRow| Some(BoundedRow { row, interval: below_zero });
-    [
-        bounded(row(0.0, -1.0)),
-        bounded(row(cos_tolerance, -sin_tolerance)),
-        bounded(row(-cos_tolerance, -sin_tolerance)),
-    ]
-}
-
-/// Bounds of a distance, m.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DistanceBounds {
-    /// The pair.
-    pub phones: (usize, usize),
-    /// Lower bound, m.
-    pub minimum_m: f64,
-    /// Upper bound, m.
-    pub maximum_m: f64,
-}
-
-impl DistanceBounds {
-    /// The vector from the second to the first phone.
-    pub fn difference(&self, state: &DVector<f64>) -> Option<Vector3<f64>> {
-        Some((position(state, self.phones.0)? - position(state, self.phones.1)?).0)
-    }
-
-    /// Rows when the distance is linearised along `direction`, a unit vector (Jacobian [uᵀ, −uᵀ]).
-    pub fn rows(&self, direction: &Vector3<f64>, covariance: &DMatrix<f64>, model: DistanceModel) -> Rows {
-        let (first, second) = (STATES_PER_PHONE * self.phones.0, STATES_PER_PHONE * self.phones.1);
-        let bounded = |axis: &Vector3<f64>, lower: f64| {
-            let row = SparseRow::of_two((first, axis), (second, &-axis));
-            Some(BoundedRow { row, interval: Interval { lower, upper: self.maximum_m } })
-        };
-        if model == DistanceModel::Radial {
-            return [bounded(direction, self.minimum_m), None, None];
-        }
-        let along_m = self.minimum_along_m(direction, covariance);
-        let lower_m = if along_m > 0.0 { along_m } else { -self.maximum_m };
-        if self.maximum_m.is_infinite() {
-            return [bounded(direction, lower_m), None, None];
-        }
-        let (across, other) = axes_across(direction);
-        [bounded(direction, lower_m), bounded(&across, -self.maximum_m), bounded(&other, -self.maximum_m)]
-    }
-
-    /// What remains of the lower bound for the component along a direction, given what the uncertain part across
-    /// contributes to the distance: d² = along² + across².
-    fn minimum_along_m(&self, direction: &Vector3<f64>, covariance: &DMatrix<f64>) -> f64 {
-        if self.minimum_m <= 0.0 {
-            return 0.0;
-        }
-        let relative = self.relative_covariance(covariance);
-        let across_m2 = (relative.trace() - direction.dot(&(relative * direction))).max(0.0);
-        (self.minimum_m * self.minimum_m - across_m2).max(0.0).sqrt()
-    }
-
-    fn relative_covariance(&self, covariance: &DMatrix<f64>) -> Matrix3<f64> {
-        let (i, j) = (STATES_PER_PHONE * self.phones.0, STATES_PER_PHONE * self.phones.1);
-        let block = |row: usize, column: usize| covariance.fixed_view::<3, 3>(row, column).into_owned();
-        block(i, i) + block(j, j) - block(i, j) - block(j, i)
-    }
-
-    /// The direction to linearise in: along the difference, or, when that is none, where the relative position is
-    /// least known.
-    ///
-    /// `None` when the state does not hold the phones.
-    pub fn direction(&self, state: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Vector3<f64>> {
-        let place = position(state, self.phones.0)?;
-        let difference = self.difference(state)?;
-        let length = difference.norm();
-        Some(if length > NO_DIRECTION_M {
-            difference / length
-        } else {
-            self.least_known_direction(place, covariance)
-        })
-    }
-
-    /// Whether the phones are in one place, where a distance has no direction.
-    pub fn is_without_direction(difference: &Vector3<f64>) -> bool {
-        difference.norm() <= NO_DIRECTION_M
-    }
-
-    fn least_known_direction(&self, place: Ecef, covariance: &DMatrix<f64>) -> Vector3<f64> {
-        let relative = self.relative_covariance(covariance);
-        if !relative.iter().all(|element| element.is_finite()) {
-            return Vector3::x();
-        }
-        let eigen = SymmetricEigen::new(relative);
-        let axis = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
-        // The sign is free; fix it by the local axes, for the same input must give the same result everywhere.
-        let local = LocalFrame::at(place).rotation_ecef_to_enu() * axis;
-        if local[local.iamax()] < 0.0 { -axis } else { axis }
-    }
-}
-
-/// Two unit vectors that complete a direction to an orthogonal triad, the first across the Earth's axis.
-fn axes_across(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
-    let pole = Vector3::z();
-    let horizontal = direction.cross(&pole);
-    let across = if horizontal.norm() > 1e-6 { horizontal.normalize() } else { Vector3::x() };
-    let other = direction.cross(&across).normalize();
-    (across, other)
 }

@@ -13,7 +13,7 @@ pub(super) const CONVERGED: f64 = 1e-3;
 /// of the state again loses digits with the square of this ratio; the mean is not affected.
 const LEAST_VARIANCE: f64 = 1e-4;
 
-/// What a row has contributed: exp(−½ precision y² + shift y), y = row·X.
+/// What a row has contributed: exp(−½ precision y² + shift y), y = cᵀX + c₀.
 #[derive(Clone, Copy)]
 pub(super) struct Site {
     row: SparseRow,
@@ -129,13 +129,13 @@ impl<'a> Posterior<'a> {
         }
     }
 
-    /// The law of row·X, with Pc left in `gain`.
+    /// The law of cᵀX + c₀, with Pc left in `gain`.
     pub(super) fn project(&mut self, row: &SparseRow) -> Result<Gaussian, SkipReason> {
         if !row.fits(self.state.len()) {
             return Err(SkipReason::UnknownPhone);
         }
         row.covariance_times(self.covariance, &mut self.gain);
-        let law = Gaussian { mean: row.times(self.state), variance: row.times(&self.gain) };
+        let law = Gaussian { mean: row.at(self.state), variance: row.times(&self.gain) };
         if !(law.mean.is_finite() && self.gain.iter().all(|element| element.is_finite())) {
             Err(SkipReason::NotFinite)
         } else if law.variance > 0.0 {
@@ -174,4 +174,37 @@ fn is_law(law: Gaussian) -> bool {
 fn with_site(law: Gaussian, precision: f64, shift: f64) -> Gaussian {
     let denominator = 1.0 + precision * law.variance;
     Gaussian { mean: (law.mean + shift * law.variance) / denominator, variance: law.variance / denominator }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::super::truncation::Interval;
+    use super::*;
+
+    /// y + c₀ in [l, u] is y in [l − c₀, u − c₀]; taken out again, the site leaves the prior.
+    #[test]
+    fn a_row_with_a_constant_is_the_row_without_it_in_a_shifted_interval() {
+        let row = SparseRow::of(0, &Vector3::new(0.6, 0.8, 0.0));
+        let constant = 7.5;
+        let shifted = Interval { lower: -1.0, upper: 2.0 };
+        let interval = Interval { lower: shifted.lower + constant, upper: shifted.upper + constant };
+        let results = [BoundedRow::new(row, shifted), BoundedRow::new(row.with_constant(constant), interval)]
+            .map(|bounded| {
+                let mut state = DVector::from_vec(vec![3.0, 1.5, -2.0]);
+                let mut covariance = DMatrix::from_diagonal(&DVector::from_vec(vec![4.0, 1.0, 9.0]));
+                let prior = state.clone();
+                let mut posterior = Posterior::new(&mut state, &mut covariance, 0.0);
+                let former = Former { in_state: None, earlier: None };
+                let applied = posterior.apply(&bounded, Enlargement::Fixed, former);
+                let mut site = applied.ok().map(|applied| applied.site);
+                let law = (posterior.state.clone(), posterior.covariance.clone());
+                assert!((&law.0 - &prior).amax() > 0.5 && posterior.take_out(&mut site));
+                assert!((&*posterior.state - &prior).amax() < 1e-9, "{}", posterior.state);
+                law
+            });
+        assert!((&results[0].0 - &results[1].0).amax() < 1e-12);
+        assert!((&results[0].1 - &results[1].1).amax() < 1e-12);
+    }
 }

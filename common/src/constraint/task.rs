@@ -2,8 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::options::{ConstraintOptions, DistanceModel};
-use super::rows::{BoundedRow, DistanceBounds, Motion, Rows, heading_rows, position, vertical_velocity_rows};
+use super::kinds::At;
+use super::options::ConstraintOptions;
+use super::rows::{BoundedRow, Rows, position};
 use super::sites::Site;
 use super::{Constraint, ConstraintAction, ConstraintOutcome, SkipReason};
 use crate::filter::STATES_PER_PHONE;
@@ -16,6 +17,8 @@ pub(super) const TOLERANCE: f64 = 1e-3;
 
 /// One constraint's work within a call.
 pub(super) struct Task {
+    /// The constraint's place in the list given.
+    pub(super) index: usize,
     pub(super) constraint: Constraint,
     pub(super) before: f64,
     pub(super) rows: Option<Rows>,
@@ -28,13 +31,9 @@ pub(super) struct Task {
 
 impl Task {
     /// Looks at a constraint at the prior.
-    pub(super) fn new(
-        constraint: Constraint,
-        state: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        options: &ConstraintOptions,
-    ) -> Self {
+    pub(super) fn new(index: usize, constraint: Constraint, prior: &At<'_>) -> Self {
         let mut task = Self {
+            index,
             constraint,
             before: f64::NAN,
             rows: None,
@@ -44,7 +43,7 @@ impl Task {
             idle: true,
             skipped: None,
         };
-        match task.examine(state, covariance, options) {
+        match task.examine(prior) {
             Ok(idle) => task.idle = idle,
             Err(reason) => (task.skipped, task.idle) = (Some(reason), false),
         }
@@ -52,33 +51,24 @@ impl Task {
     }
 
     /// Whether the constraint has nothing to do at the prior, for good.
-    fn examine(
-        &mut self,
-        state: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        options: &ConstraintOptions,
-    ) -> Result<bool, SkipReason> {
-        let [first, second] = self.constraint.phones();
-        let known = |phone: usize| phone < state.len() / STATES_PER_PHONE;
-        let is_pair = matches!(self.constraint, Constraint::Distance { .. });
-        if covariance.shape() != (state.len(), state.len())
-            || !known(first)
-            || !known(second)
-            || (is_pair && first == second)
-        {
+    fn examine(&mut self, prior: &At<'_>) -> Result<bool, SkipReason> {
+        let At { state, covariance, options } = *prior;
+        let phones = self.constraint.phones();
+        let is_unknown = |(n, phone): (usize, &usize)| {
+            *phone >= state.len() / STATES_PER_PHONE || phones.iter().take(n).any(|other| other == phone)
+        };
+        if covariance.shape() != (state.len(), state.len()) || phones.iter().enumerate().any(is_unknown) {
             return Err(SkipReason::UnknownPhone);
         }
-        if !self.constraint.has_valid_bounds() {
+        let kind = self.constraint.kind();
+        if !kind.has_valid_bounds() {
             return Err(SkipReason::InvalidBounds);
         }
-        if let Constraint::Heading { phone, .. } = self.constraint {
-            let motion = Motion::of(state, phone, options.horizon_s).ok_or(SkipReason::NotFinite)?;
-            if !has_heading(&motion, covariance, options)? {
-                return Ok(true);
-            }
+        if !kind.applies(prior)? {
+            return Ok(true);
         }
         self.before = self.constraint.value(state, options.horizon_s).ok_or(SkipReason::NotFinite)?;
-        let rows = rows_at(&self.constraint, state, covariance, options)?;
+        let rows = kind.rows(prior)?;
         self.rows = Some(rows);
         if !self.constraint.holds(self.before) {
             let limit = options.contradiction_sigmas;
@@ -105,68 +95,25 @@ impl Task {
             None if self.constraint.excess(after) <= TOLERANCE => ConstraintOutcome::Holds,
             None => ConstraintOutcome::Violated,
         };
-        let shift = |phone: usize| {
-            let moved = position(prior, phone).zip(position(state, phone));
+        let shift_m = |phone: &usize| {
+            let moved = position(prior, *phone).zip(position(state, *phone));
             moved.map_or(0.0, |(from, to): (Ecef, Ecef)| from.distance_m(to))
         };
-        let [first, second] = self.constraint.phones();
         Some(ConstraintAction {
+            index: self.index,
             constraint: self.constraint,
             before: self.before,
             after,
-            shift_m: shift(first).max(shift(second)),
+            shift_m: self.constraint.phones().iter().map(shift_m).fold(0.0, f64::max),
             enlargements: self.enlargements,
             outcome,
         })
     }
 }
 
-/// The rows of a constraint at a state; none when it has nothing to say there.
-pub(super) fn rows_at(
-    constraint: &Constraint,
-    state: &DVector<f64>,
-    covariance: &DMatrix<f64>,
-    options: &ConstraintOptions,
-) -> Result<Rows, SkipReason> {
-    let motion = |phone| Motion::of(state, phone, options.horizon_s).ok_or(SkipReason::NotFinite);
-    match *constraint {
-        Constraint::VerticalVelocity { phone, maximum_mps } => {
-            Ok(vertical_velocity_rows(&motion(phone)?, maximum_mps))
-        }
-        Constraint::Heading { phone, course_rad, tolerance_rad } => {
-            Ok(heading_rows(&motion(phone)?, course_rad, tolerance_rad))
-        }
-        Constraint::Distance { phones, minimum_m, maximum_m } => {
-            let bounds = DistanceBounds { phones, minimum_m, maximum_m };
-            let difference = bounds.difference(state).ok_or(SkipReason::NotFinite)?;
-            let is_upper_only = minimum_m <= 0.0 && options.distance_model == DistanceModel::Radial;
-            if is_upper_only && DistanceBounds::is_without_direction(&difference) {
-                return Ok([None; 3]);
-            }
-            let direction = bounds.direction(state, covariance).ok_or(SkipReason::NotFinite)?;
-            Ok(bounds.rows(&direction, covariance, options.distance_model))
-        }
-    }
-}
-
-/// Whether a phone is fast enough for its course to mean something.
-fn has_heading(
-    motion: &Motion,
-    covariance: &DMatrix<f64>,
-    options: &ConstraintOptions,
-) -> Result<bool, SkipReason> {
-    let speed_mps = motion.velocity().horizontal();
-    let sigma_mps = motion.horizontal_sigma_mps(covariance);
-    let gate = options.heading_gate;
-    if !sigma_mps.is_finite() {
-        return Err(SkipReason::NotFinite);
-    }
-    Ok(speed_mps >= gate.minimum_speed_mps && speed_mps > gate.minimum_sigmas * sigma_mps)
-}
-
 /// How far a row's mean is out of its interval, in standard deviations; 0 inside, or without a variance to tell.
 fn outside_sigmas(bounded: &BoundedRow, state: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
-    let mean = bounded.row.times(state);
+    let mean = bounded.row.at(state);
     let excess = (bounded.interval.lower - mean).max(mean - bounded.interval.upper).max(0.0);
     let variance = bounded.row.variance(covariance);
     if excess > 0.0 && variance > 0.0 { excess / variance.sqrt() } else { 0.0 }
@@ -175,6 +122,6 @@ fn outside_sigmas(bounded: &BoundedRow, state: &DVector<f64>, covariance: &DMatr
 /// Whether a row's interval takes nothing noticeable from its law.
 fn is_idle(bounded: &BoundedRow, state: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
     let margin = IDLE_SIGMAS * bounded.row.variance(covariance).max(0.0).sqrt();
-    let mean = bounded.row.times(state);
+    let mean = bounded.row.at(state);
     mean - margin >= bounded.interval.lower && mean + margin <= bounded.interval.upper
 }

@@ -4,7 +4,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::rows::{BoundedRow, DistanceBounds, Motion, heading_rows, vertical_velocity_rows};
+use super::kinds::At;
+use super::rows::{BoundedRow, Rows};
 use super::truncation::{Gaussian, Interval, truncate};
 use super::*;
 use crate::filter::STATES_PER_PHONE;
@@ -36,7 +37,13 @@ fn covariance(sigmas: &[[f64; 3]]) -> DMatrix<f64> {
 }
 
 fn distance(minimum_m: f64, maximum_m: f64) -> Constraint {
-    Constraint::Distance { phones: (0, 1), minimum_m, maximum_m }
+    Constraint::Distance(Distance { phones: [0, 1], minimum_m, maximum_m })
+}
+
+/// A constraint's rows at a state that is known exactly.
+fn rows_at(constraint: Constraint, state: &DVector<f64>, options: &ConstraintOptions) -> Rows {
+    let covariance = DMatrix::zeros(state.len(), state.len());
+    constraint.kind().rows(&At { state, covariance: &covariance, options }).unwrap()
 }
 
 fn fixed_sequential() -> ConstraintOptions {
@@ -146,7 +153,7 @@ fn common_errors_do_not_count_in_a_distance() {
 #[test]
 fn a_constraint_is_not_applied_twice() {
     // However many sweeps: the bound ends where truncating the state without it puts it, and is not squeezed further.
-    let constraints = [Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 }];
+    let constraints = [Constraint::VerticalVelocity(VerticalVelocity { phone: 0, maximum_mps: 0.3 })];
     let run = |max_sweeps| {
         let mut mean = state(&[([0.0; 3], [0.0, 0.0, 0.5])]);
         let mut spread = covariance(&[[5.0, 0.5, 0.1]]);
@@ -159,7 +166,7 @@ fn a_constraint_is_not_applied_twice() {
     assert!((&once.0 - &many.0).amax() < 1e-8 && (&once.1 - &many.1).amax() < 1e-8);
 
     // And the single truncation is the textbook's.
-    let row = vertical_velocity_rows(&Motion::of(&once.0, 0, 0.0).unwrap(), 0.3)[0].unwrap().row;
+    let row = rows_at(constraints[0], &once.0, &ConstraintOptions::default())[0].unwrap().row;
     let expected = truncate(
         Gaussian { mean: 0.5, variance: 0.25 },
         Interval { lower: -0.3, upper: 0.3 },
@@ -173,8 +180,10 @@ fn a_constraint_is_not_applied_twice() {
 #[test]
 fn sequential_sweeps_do_not_shrink_what_they_did_before() {
     // Three phones in a line; both pairs are violated and pull at the middle one, so sweeps repeat.
-    let constraints =
-        [distance(0.0, 5.0), Constraint::Distance { phones: (1, 2), minimum_m: 0.0, maximum_m: 5.0 }];
+    let constraints = [
+        distance(0.0, 5.0),
+        Constraint::Distance(Distance { phones: [1, 2], minimum_m: 0.0, maximum_m: 5.0 }),
+    ];
     let run = |max_sweeps| {
         let mut mean =
             state(&[([0.0; 3], [0.0; 3]), ([20.0, 0.0, 0.0], [0.0; 3]), ([40.0, 0.0, 0.0], [0.0; 3])]);
@@ -203,8 +212,11 @@ fn golden_courses_of_the_paper() {
         let mut mean = DVector::zeros(STATES_PER_PHONE);
         mean.fixed_rows_mut::<3>(0).copy_from(&frame.origin().0);
         mean.fixed_rows_mut::<3>(3).copy_from(&frame.vector_enu_to_ecef(way).0);
-        let heading =
-            Constraint::Heading { phone: 0, course_rad: golden_deg.to_radians(), tolerance_rad: 0.1 };
+        let heading = Constraint::Heading(Heading {
+            phone: 0,
+            course_rad: golden_deg.to_radians(),
+            tolerance_rad: 0.1,
+        });
         let off_deg = heading.value(&mean, 0.0).unwrap().to_degrees();
         assert!(off_deg.abs() < 0.01, "{golden_deg}: {off_deg}");
     }
@@ -212,10 +224,12 @@ fn golden_courses_of_the_paper() {
 
 #[test]
 fn headings_wrap() {
-    let heading = |course_deg: f64, tolerance_deg: f64| Constraint::Heading {
-        phone: 0,
-        course_rad: course_deg.to_radians(),
-        tolerance_rad: tolerance_deg.to_radians(),
+    let heading = |course_deg: f64, tolerance_deg: f64| {
+        Constraint::Heading(Heading {
+            phone: 0,
+            course_rad: course_deg.to_radians(),
+            tolerance_rad: tolerance_deg.to_radians(),
+        })
     };
     // Moving at 179°, the course is −179°: 2° apart.
     let course = 179f64.to_radians();
@@ -241,11 +255,11 @@ fn a_violated_heading_is_turned_towards_its_course() {
         let angle = 110f64.to_radians();
         let mut mean = state(&[([0.0; 3], [10.0 * angle.sin(), 10.0 * angle.cos(), 0.0])]);
         let mut spread = covariance(&[[5.0, 1.5, 0.1]]);
-        let heading = Constraint::Heading {
+        let heading = Constraint::Heading(Heading {
             phone: 0,
             course_rad: 90f64.to_radians(),
             tolerance_rad: 5f64.to_radians(),
-        };
+        });
         let actions = constrain(&mut mean, &mut spread, &[heading], &options);
         assert!((actions[0].before.to_degrees() - 20.0).abs() < 1e-3, "{actions:?}");
         let limit_deg = if options.enlargement == Enlargement::Fixed { 5.0 } else { 19.9 };
@@ -256,7 +270,7 @@ fn a_violated_heading_is_turned_towards_its_course() {
 
 #[test]
 fn a_phone_at_rest_has_no_heading() {
-    let heading = Constraint::Heading { phone: 0, course_rad: 0.0, tolerance_rad: 0.1 };
+    let heading = Constraint::Heading(Heading { phone: 0, course_rad: 0.0, tolerance_rad: 0.1 });
     for options in all_options() {
         // Standing still; slow; fast but not known to be.
         for (speed, sigma) in [(0.0, 0.1), (0.5, 0.01), (5.0, 4.0)] {
@@ -304,15 +318,27 @@ fn phones_in_one_place_satisfy_an_upper_bound() {
 #[test]
 fn what_cannot_be_applied_is_named_and_changes_nothing() {
     let nan = f64::NAN;
-    let heading = |tolerance_rad| Constraint::Heading { phone: 0, course_rad: 0.0, tolerance_rad };
+    let heading = |tolerance_rad| Constraint::Heading(Heading { phone: 0, course_rad: 0.0, tolerance_rad });
     let cases = [
-        (Constraint::VerticalVelocity { phone: 2, maximum_mps: 0.3 }, SkipReason::UnknownPhone),
-        (Constraint::VerticalVelocity { phone: usize::MAX, maximum_mps: 0.3 }, SkipReason::UnknownPhone),
-        (Constraint::Distance { phones: (1, 1), minimum_m: 0.0, maximum_m: 1.0 }, SkipReason::UnknownPhone),
+        (
+            Constraint::VerticalVelocity(VerticalVelocity { phone: 2, maximum_mps: 0.3 }),
+            SkipReason::UnknownPhone,
+        ),
+        (
+            Constraint::VerticalVelocity(VerticalVelocity { phone: usize::MAX, maximum_mps: 0.3 }),
+            SkipReason::UnknownPhone,
+        ),
+        (
+            Constraint::Distance(Distance { phones: [1, 1], minimum_m: 0.0, maximum_m: 1.0 }),
+            SkipReason::UnknownPhone,
+        ),
         (distance(2.0, 1.0), SkipReason::InvalidBounds),
         (distance(-1.0, 1.0), SkipReason::InvalidBounds),
         (distance(0.0, nan), SkipReason::InvalidBounds),
-        (Constraint::VerticalVelocity { phone: 0, maximum_mps: nan }, SkipReason::InvalidBounds),
+        (
+            Constraint::VerticalVelocity(VerticalVelocity { phone: 0, maximum_mps: nan }),
+            SkipReason::InvalidBounds,
+        ),
         (heading(PI / 2.0), SkipReason::InvalidBounds),
         (heading(nan), SkipReason::InvalidBounds),
     ];
@@ -330,7 +356,7 @@ fn what_cannot_be_applied_is_named_and_changes_nothing() {
 
 #[test]
 fn states_without_variance_or_not_finite_are_left_alone() {
-    let vertical = Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 };
+    let vertical = Constraint::VerticalVelocity(VerticalVelocity { phone: 0, maximum_mps: 0.3 });
     for options in all_options() {
         for (sigma, up, reason) in [
             (0.0, 2.0, SkipReason::NoVariance),
@@ -353,7 +379,7 @@ fn a_constraint_that_the_state_contradicts_is_reported_and_not_applied() {
     // Driving north at 15 m/s known to 0.3 m/s, 100 m from the other phone, each known to a metre.
     let prior_state = state(&[([0.0; 3], [0.0, 15.0, 0.0]), ([100.0, 0.0, 0.0], [0.0, 15.0, 0.0])]);
     let prior = covariance(&[[1.0, 0.3, 1.0]; 2]);
-    let west = Constraint::Heading { phone: 0, course_rad: 1.5 * PI, tolerance_rad: 0.2 };
+    let west = Constraint::Heading(Heading { phone: 0, course_rad: 1.5 * PI, tolerance_rad: 0.2 });
     for wrong in [west, distance(0.0, 2.0)] {
         let (mut x, mut p) = (prior_state.clone(), prior.clone());
         let actions = constrain(&mut x, &mut p, &[wrong], &ConstraintOptions::default());
@@ -368,7 +394,7 @@ fn a_constraint_that_the_state_contradicts_is_reported_and_not_applied() {
 
 #[test]
 fn the_horizon_looks_ahead_with_the_acceleration() {
-    let constraint = Constraint::VerticalVelocity { phone: 0, maximum_mps: 0.3 };
+    let constraint = Constraint::VerticalVelocity(VerticalVelocity { phone: 0, maximum_mps: 0.3 });
     let mut mean = state(&[([0.0; 3], [0.0; 3])]);
     let up = origin().up();
     mean.fixed_rows_mut::<3>(6).copy_from(&(2.0 * up));
@@ -399,18 +425,20 @@ fn dense(bounded: &BoundedRow, elements: usize) -> DVector<f64> {
 #[test]
 fn distance_rows_are_the_jacobian() {
     let at = state(&[([1.0, -2.0, 0.5], [1.0, 2.0, 3.0]), ([30.0, 44.0, -7.0], [0.0; 3])]);
-    let bounds = DistanceBounds { phones: (0, 1), minimum_m: 1.0, maximum_m: 5.0 };
-    let direction = bounds.difference(&at).unwrap().normalize();
+    let bounded = Distance { phones: [0, 1], minimum_m: 1.0, maximum_m: 5.0 };
+    let direction = bounded.difference(&at).unwrap().normalize();
     let certain = DMatrix::zeros(18, 18);
-    for model in [DistanceModel::Radial, DistanceModel::Box] {
-        let row = bounds.rows(&direction, &certain, model)[0].unwrap();
+    for distance_model in [DistanceModel::Radial, DistanceModel::Box] {
+        let options = ConstraintOptions { distance_model, ..ConstraintOptions::default() };
+        let row = rows_at(bounded.into(), &at, &options)[0].unwrap();
         let numeric = differences(&distance(1.0, 5.0), &at, 0.0, 1e-2);
         assert!((dense(&row, 18) - numeric).amax() < 1e-6);
-        assert!((row.row.times(&at) - distance(1.0, 5.0).value(&at, 0.0).unwrap()).abs() < 1e-8);
+        assert!((row.row.at(&at) - distance(1.0, 5.0).value(&at, 0.0).unwrap()).abs() < 1e-8);
     }
     // The axes across are at right angles to it and to each other, near the pole's direction too.
     for direction in [direction, Vector3::z(), Vector3::new(1e-9, 0.0, -1.0).normalize()] {
-        let rows = bounds.rows(&direction, &certain, DistanceModel::Box).map(|row| dense(&row.unwrap(), 18));
+        let rows = bounded.linearised(&direction, &certain, DistanceModel::Box);
+        let rows = rows.map(|row| dense(&row.unwrap(), 18));
         for i in 0..3 {
             for j in 0..3 {
                 let product = rows[i].rows(0, 3).dot(&rows[j].rows(0, 3));
@@ -425,8 +453,9 @@ fn vertical_velocity_rows_are_the_jacobian() {
     for horizon_s in [0.0, 1.0] {
         let mut at = state(&[([0.0; 3], [3.0, -4.0, 0.7]), ([0.0; 3], [5.0, 9.0, -0.2])]);
         at.fixed_rows_mut::<3>(15).copy_from(&Vector3::new(0.3, -0.2, 0.9));
-        let constraint = Constraint::VerticalVelocity { phone: 1, maximum_mps: 0.3 };
-        let row = vertical_velocity_rows(&Motion::of(&at, 1, horizon_s).unwrap(), 0.3)[0].unwrap();
+        let constraint = Constraint::VerticalVelocity(VerticalVelocity { phone: 1, maximum_mps: 0.3 });
+        let options = ConstraintOptions { horizon_s, ..ConstraintOptions::default() };
+        let row = rows_at(constraint, &at, &options)[0].unwrap();
         let numeric = differences(&constraint, &at, horizon_s, 1e-2);
         // Horizontal speed over the Earth's radius is left out of the rows: 10 m/s / 6.4e6 m.
         assert!((dense(&row, 18) - numeric).amax() < 2e-6);
@@ -440,8 +469,9 @@ fn heading_rows_have_the_derivative_of_the_course_at_their_edge() {
     for (side, index) in [(1.0, 1), (-1.0, 2)] {
         let angle = course + side * tolerance;
         let at = state(&[([0.0; 3], [speed * angle.sin(), speed * angle.cos(), 0.3])]);
-        let constraint = Constraint::Heading { phone: 0, course_rad: course, tolerance_rad: tolerance };
-        let rows = heading_rows(&Motion::of(&at, 0, 0.0).unwrap(), course, tolerance);
+        let constraint =
+            Constraint::Heading(Heading { phone: 0, course_rad: course, tolerance_rad: tolerance });
+        let rows = rows_at(constraint, &at, &ConstraintOptions::default());
         let row = rows[index].unwrap();
         assert!(row.row.times(&at).abs() < 1e-5, "{}", row.row.times(&at));
         let numeric = differences(&constraint, &at, 0.0, 1e-3) * (side * speed);
@@ -455,10 +485,73 @@ fn heading_rows_have_the_derivative_of_the_course_at_their_edge() {
 fn values_are_none_without_a_state_for_them() {
     let empty = DVector::zeros(0);
     assert_eq!(distance(0.0, 1.0).value(&empty, 0.0), None);
-    let heading = Constraint::Heading { phone: 0, course_rad: 0.0, tolerance_rad: 0.1 };
+    let heading = Constraint::Heading(Heading { phone: 0, course_rad: 0.0, tolerance_rad: 0.1 });
     assert_eq!(heading.value(&state(&[([0.0; 3], [0.0; 3])]), 0.0), None);
     let mut lost = state(&[([0.0; 3], [1.0; 3])]);
     lost.fixed_rows_mut::<3>(0).copy_from(&Ecef::new(f64::NAN, 0.0, 0.0).0);
     assert_eq!(heading.value(&lost, 0.0), None);
     assert!(heading.excess(f64::NAN).is_nan() && !heading.holds(f64::NAN));
+}
+
+#[test]
+fn actions_tell_the_place_of_their_constraint_also_among_equal_ones() {
+    let slow = Constraint::VerticalVelocity(VerticalVelocity { phone: 0, maximum_mps: 9.0 });
+    let near = distance(0.0, 5.0);
+    for options in [ConstraintOptions::peng2023(), fixed_sequential()] {
+        let mut mean = state(&[([0.0; 3], [0.0; 3]), ([12.0, 0.0, 0.0], [0.0; 3])]);
+        let mut spread = covariance(&[[1.0; 3], [3.0, 1.0, 1.0]]);
+        let unknown = Constraint::VerticalVelocity(VerticalVelocity { phone: 7, maximum_mps: 9.0 });
+        let actions = constrain(&mut mean, &mut spread, &[slow, near, unknown, unknown], &options);
+        let places: Vec<_> = actions.iter().map(|action| (action.index, action.constraint)).collect();
+        assert_eq!(places, [(1, near), (2, unknown), (3, unknown)]);
+    }
+}
+
+#[test]
+fn constraints_are_written_with_the_keys_of_their_kind_and_read_back() {
+    use serde_json::{from_value, json, to_value};
+    let written = [
+        (distance(1.0, 2.5), json!({"kind": "distance", "minimum_m": 1.0, "maximum_m": 2.5})),
+        (
+            Constraint::VerticalVelocity(VerticalVelocity { phone: 0, maximum_mps: 0.5 }),
+            json!({"kind": "vertical-velocity", "maximum_mps": 0.5}),
+        ),
+        (
+            Constraint::Heading(Heading {
+                phone: 0,
+                course_rad: 260f64.to_radians(),
+                tolerance_rad: 10f64.to_radians(),
+            }),
+            json!({"kind": "heading", "course_deg": 260.0, "tolerance_deg": 10.0}),
+        ),
+    ];
+    for (constraint, form) in written {
+        assert_eq!(to_value(constraint).unwrap(), form);
+        assert_eq!(form["kind"], constraint.name());
+        let keys: Vec<&str> = form.as_object().unwrap().keys().map(String::as_str).collect();
+        let mut of_kind = Constraint::keys(constraint.name()).to_vec();
+        of_kind.push("kind");
+        of_kind.sort_unstable();
+        assert_eq!(keys, of_kind);
+        let read: Constraint = from_value(form).unwrap();
+        assert_eq!(read.among(&[0, 1]).first(), Some(&constraint));
+    }
+    assert!(Constraint::keys("speed of light").is_empty());
+    let error = |form| from_value::<Constraint>(form).unwrap_err().to_string();
+    let foreign = error(json!({"kind": "distance", "maximum_m": 2.0, "course_deg": 1.0}));
+    assert!(foreign.contains("unknown field `course_deg`, expected `minimum_m` or `maximum_m`"), "{foreign}");
+    assert!(error(json!({"kind": "heading", "course_deg": 1.0})).contains("missing field `tolerance_deg`"));
+}
+
+#[test]
+fn a_constraint_is_multiplied_by_phones_and_pairs_and_its_phones_are_mapped() {
+    let pairs: Vec<_> =
+        distance(0.0, 2.0).among(&[4, 2, 7]).iter().map(|pair| pair.phones().to_vec()).collect();
+    assert_eq!(pairs, [[4, 2], [4, 7], [2, 7]]);
+    let vertical = Constraint::VerticalVelocity(VerticalVelocity { phone: 0, maximum_mps: 1.0 });
+    let singles: Vec<_> = vertical.among(&[4, 2]).iter().map(|one| one.phones().to_vec()).collect();
+    assert_eq!(singles, [[4], [2]]);
+    let slot = |phone| (phone < 5).then_some(10 + phone);
+    assert_eq!(distance(0.0, 2.0).mapped(slot).unwrap().phones(), [10, 11]);
+    assert_eq!(distance(0.0, 2.0).among(&[4, 7])[0].mapped(slot), None);
 }

@@ -59,6 +59,24 @@ pub struct Truncation {
 }
 
 impl Interval {
+    /// Up to `maximum` from zero in both directions.
+    pub fn within(maximum: f64) -> Self {
+        Self { lower: -maximum, upper: maximum }
+    }
+
+    /// How far a value is outside; 0 inside, NaN for NaN.
+    pub fn excess(&self, value: f64) -> f64 {
+        if value < self.lower {
+            self.lower - value
+        } else if value > self.upper {
+            value - self.upper
+        } else if value.is_nan() {
+            value
+        } else {
+            0.0
+        }
+    }
+
     /// Whether a value is inside, bounds included.
     pub fn contains(&self, value: f64) -> bool {
         self.lower <= value && value <= self.upper

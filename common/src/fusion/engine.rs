@@ -1,6 +1,6 @@
 //! The hub's estimator: aligned epochs in, fused and constrained epochs out. No I/O.
 
-use crate::constraint::{Constraint, ConstraintAction, ConstraintOptions, constrain};
+use crate::constraint::{Constraint, ConstraintAction, ConstraintOptions, Distance, constrain};
 use crate::filter::{FilterOptions, JointFilter, PhoneState, Start};
 use crate::skips::Skips;
 use crate::time::GpsTime;
@@ -50,7 +50,8 @@ pub struct FusedEpoch {
     pub time_gps: GpsTime,
     /// One entry per phone of the group, in the group's order.
     pub phones: Vec<FusedPhone>,
-    /// What every constraint did that was not satisfied already.
+    /// What every constraint did that was not satisfied already, by its place among those of the engine
+    /// ([`Engine::constraints`]).
     pub actions: Vec<ConstraintAction>,
     /// All pairs under a distance constraint.
     pub distances: Vec<PairDistance>,
@@ -206,63 +207,44 @@ impl Engine {
         }
     }
 
-    /// The constraints in force whose phones are all present; phones by group index and by slot.
-    fn in_force(&self, time_gps: GpsTime) -> impl Iterator<Item = (Constraint, Constraint)> + '_ {
+    /// The constraints in force whose phones are all present: their places among all, and themselves with phones by slot.
+    fn in_force(&self, time_gps: GpsTime) -> impl Iterator<Item = (usize, Constraint)> + '_ {
         self.constraints
             .iter()
-            .filter(move |c| {
+            .enumerate()
+            .filter(move |(_, c)| {
                 c.from_gps.is_none_or(|from| from <= time_gps) && c.to_gps.is_none_or(|to| time_gps <= to)
             })
-            .filter_map(|c| Some((c.constraint, self.on_slots(c.constraint)?)))
-    }
-
-    fn on_slots(&self, constraint: Constraint) -> Option<Constraint> {
-        Some(match constraint {
-            Constraint::Distance { phones: (a, b), minimum_m, maximum_m } => Constraint::Distance {
-                phones: (self.filter.slot(a)?, self.filter.slot(b)?),
-                minimum_m,
-                maximum_m,
-            },
-            Constraint::VerticalVelocity { phone, maximum_mps } => {
-                Constraint::VerticalVelocity { phone: self.filter.slot(phone)?, maximum_mps }
-            }
-            Constraint::Heading { phone, course_rad, tolerance_rad } => {
-                Constraint::Heading { phone: self.filter.slot(phone)?, course_rad, tolerance_rad }
-            }
-        })
+            .filter_map(|(place, c)| Some((place, c.constraint.mapped(|phone| self.filter.slot(phone))?)))
     }
 
     fn constrain(&mut self, time_gps: GpsTime) -> Vec<ConstraintAction> {
-        let (named, on_slots): (Vec<_>, Vec<_>) = self.in_force(time_gps).unzip();
+        let (places, on_slots): (Vec<_>, Vec<_>) = self.in_force(time_gps).unzip();
         if on_slots.is_empty() {
             return Vec::new();
         }
         let (mean, covariance) = self.filter.law_mut();
-        let mut actions = constrain(mean, covariance, &on_slots, &self.options.constraints);
-        for action in &mut actions {
-            // Reports name phones by their place in the group.
-            if let Some(index) = on_slots.iter().position(|c| *c == action.constraint) {
-                action.constraint = named[index];
-            }
-        }
-        actions
+        let actions = constrain(mean, covariance, &on_slots, &self.options.constraints);
+        let named = |action: ConstraintAction| {
+            // Those who read it know phones and constraints by their place in the group.
+            let index = *places.get(action.index)?;
+            Some(ConstraintAction { index, constraint: self.constraints.get(index)?.constraint, ..action })
+        };
+        actions.into_iter().filter_map(named).collect()
     }
 
     fn distances(&self, time_gps: GpsTime) -> Vec<PairDistance> {
-        self.in_force(time_gps).filter_map(|(named, on_slots)| self.distance(named, on_slots)).collect()
+        self.in_force(time_gps).filter_map(|(place, on_slots)| self.distance(place, on_slots)).collect()
     }
 
-    fn distance(&self, named: Constraint, on_slots: Constraint) -> Option<PairDistance> {
-        let (
-            Constraint::Distance { phones, minimum_m, maximum_m },
-            Constraint::Distance { phones: (a, b), .. },
-        ) = (named, on_slots)
-        else {
+    fn distance(&self, place: usize, on_slots: Constraint) -> Option<PairDistance> {
+        let Constraint::Distance(Distance { phones: [a, b], minimum_m, maximum_m }) = on_slots else {
             return None;
         };
+        let &[first, second] = self.constraints.get(place)?.constraint.phones() else { return None };
         let (at, bt) = (self.filter.state(a)?, self.filter.state(b)?);
         Some(PairDistance {
-            phones,
+            phones: (first, second),
             distance_m: at.position().distance_m(bt.position()),
             sigma_m: self.filter.distance_sigma_m(a, b)?,
             minimum_m,

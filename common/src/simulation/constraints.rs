@@ -1,6 +1,6 @@
 //! What is known about the phones of a scenario, as an observer would write it down: bounds that the truth keeps.
 
-use crate::constraint::Constraint;
+use crate::constraint::{Constraint, Distance, VerticalVelocity};
 
 use super::Simulation;
 use super::mount::Mount;
@@ -24,7 +24,7 @@ impl Simulation {
         let pairs = (0..count).flat_map(|first| (first + 1..count).map(move |second| (first, second)));
         let bounded = |(first, second): (usize, usize)| {
             let (minimum_m, maximum_m) = self.bounds_m(phones.get(first)?, phones.get(second)?);
-            Some(Constraint::Distance { phones: (first, second), minimum_m, maximum_m })
+            Some(Constraint::Distance(Distance { phones: [first, second], minimum_m, maximum_m }))
         };
         pairs.filter_map(bounded).collect()
     }
@@ -33,7 +33,7 @@ impl Simulation {
     pub fn vertical_velocity_constraints(&self) -> Vec<Constraint> {
         let maximum_mps = (self.convoy.maximum_vertical_mps() * 100.0).ceil() / 100.0;
         (0..self.scenario.phones.len())
-            .map(|phone| Constraint::VerticalVelocity { phone, maximum_mps })
+            .map(|phone| Constraint::VerticalVelocity(VerticalVelocity { phone, maximum_mps }))
             .collect()
     }
 

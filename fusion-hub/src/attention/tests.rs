@@ -5,7 +5,9 @@ use cofix_common::accuracy::Accuracy;
 use cofix_common::skips::Skips;
 
 use super::*;
-use crate::report::{Bounds, ConstraintReport, PhoneReport, SameObservations};
+use cofix_common::constraint::Distance;
+
+use crate::report::{ConstraintReport, PhoneReport, SameObservations};
 use crate::scores::TruthReport;
 
 fn phone() -> PhoneReport {
@@ -47,7 +49,7 @@ fn accuracy() -> Accuracy {
 
 fn constraint() -> ConstraintReport {
     ConstraintReport {
-        bounds: Bounds::Distance { minimum_m: 0.0, maximum_m: 2.0 },
+        constraint: Distance { phones: [0, 1], minimum_m: 0.0, maximum_m: 2.0 }.into(),
         phones: vec!["a".to_owned(), "b".to_owned()],
         from_gps: None,
         to_gps: None,

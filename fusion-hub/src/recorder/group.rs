@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
+use cofix_common::constraint::{ConstraintAction, ConstraintOutcome};
 use cofix_common::recording::{CONSTRAINTS, DISTANCES};
 use cofix_common::skips::Skips;
 use rerun::{Color, TextLogLevel};
@@ -10,6 +10,7 @@ use rerun::{Color, TextLogLevel};
 use super::entity::{Method, bound_colour, pair_name, palette, path};
 use super::rrd::{RecorderError, RrdFile};
 use super::series::{LogLines, Series, Style};
+use crate::report::label;
 use cofix_common::fusion::engine::PairDistance;
 
 /// One constraint's actions.
@@ -75,7 +76,8 @@ impl GroupRecorder {
 
     pub fn push_actions(&mut self, time_ns: i64, actions: &[ConstraintAction], skips: &mut Skips) {
         for action in actions {
-            let (name, change) = self.describe(action);
+            let name = label(&action.constraint, &self.phones);
+            let change = action.constraint.unit().change(action.before, action.after);
             let (level, text) = match (action.outcome, action.enlargements) {
                 (ConstraintOutcome::Skipped(reason), _) => {
                     (TextLogLevel::WARN, format!("{name}: not applied ({reason:?}), {change}"))
@@ -125,23 +127,5 @@ impl GroupRecorder {
 
     fn name(&self, phone: usize) -> String {
         self.phones.get(phone).cloned().unwrap_or_else(|| format!("phone {phone}"))
-    }
-
-    /// The constraint's name, and what it changed in units for people.
-    fn describe(&self, action: &ConstraintAction) -> (String, String) {
-        let ConstraintAction { before, after, .. } = *action;
-        match action.constraint {
-            Constraint::Distance { phones: (first, second), .. } => (
-                format!("distance {}", pair_name(&self.name(first), &self.name(second))),
-                format!("{before:.2} → {after:.2} m"),
-            ),
-            Constraint::VerticalVelocity { phone, .. } => {
-                (format!("vertical velocity {}", self.name(phone)), format!("{before:.2} → {after:.2} m/s"))
-            }
-            Constraint::Heading { phone, .. } => (
-                format!("heading {}", self.name(phone)),
-                format!("{:.1}° → {:.1}° off course", before.to_degrees(), after.to_degrees()),
-            ),
-        }
     }
 }

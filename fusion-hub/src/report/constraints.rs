@@ -11,9 +11,9 @@ use cofix_common::fusion::engine::{FusedEpoch, ScheduledConstraint};
 /// A constraint and what it did.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ConstraintReport {
-    /// Kind and bounds.
+    /// Kind and bounds, as a session file writes them.
     #[serde(flatten)]
-    pub bounds: Bounds,
+    pub constraint: Constraint,
     /// Names of the phones: two of a distance, else one.
     pub phones: Vec<String>,
     /// First instant at which it holds, GPS time; null: always.
@@ -42,77 +42,19 @@ pub struct ConstraintReport {
     pub enlarged: u64,
 }
 
-/// Kind and bounds of a constraint, as a session file names them.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(tag = "kind", rename_all = "kebab-case")]
-pub enum Bounds {
-    /// Between two phones.
-    Distance {
-        /// Lower bound, m.
-        minimum_m: f64,
-        /// Upper bound, m; infinite, in JSON null, without one.
-        maximum_m: f64,
-    },
-    /// Of one phone, upwards and downwards.
-    VerticalVelocity {
-        /// Bound, m/s.
-        maximum_mps: f64,
-    },
-    /// Of one phone.
-    Heading {
-        /// Course over ground, degrees clockwise from north.
-        course_deg: f64,
-        /// Tolerance, degrees.
-        tolerance_deg: f64,
-    },
-}
-
-impl Bounds {
-    fn of(constraint: &Constraint) -> Self {
-        match *constraint {
-            Constraint::Distance { minimum_m, maximum_m, .. } => Self::Distance { minimum_m, maximum_m },
-            Constraint::VerticalVelocity { maximum_mps, .. } => Self::VerticalVelocity { maximum_mps },
-            Constraint::Heading { course_rad, tolerance_rad, .. } => {
-                Self::Heading { course_deg: degrees(course_rad), tolerance_deg: degrees(tolerance_rad) }
-            }
-        }
-    }
-
-    /// The kind, as a session file names it.
-    pub const fn kind(&self) -> &'static str {
-        match self {
-            Self::Distance { .. } => "distance",
-            Self::VerticalVelocity { .. } => "vertical-velocity",
-            Self::Heading { .. } => "heading",
-        }
-    }
-}
-
-impl std::fmt::Display for Bounds {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match *self {
-            Self::Distance { minimum_m, maximum_m } => write!(f, "{minimum_m} to {maximum_m} m"),
-            Self::VerticalVelocity { maximum_mps } => write!(f, "±{maximum_mps} m/s"),
-            Self::Heading { course_deg, tolerance_deg } => write!(f, "{course_deg}° ± {tolerance_deg}°"),
-        }
-    }
-}
-
-/// Degrees without the last digits of the conversion.
-fn degrees(radians: f64) -> f64 {
-    (radians.to_degrees() * 1e6).round() / 1e6
-}
-
 /// A constraint in words, with the phones' names and the bounds.
 pub fn describe(constraint: &Constraint, names: &[String]) -> String {
-    let bounds = Bounds::of(constraint);
-    format!("{} {}, {bounds}", bounds.kind(), phones(constraint, names).join("–"))
+    format!("{}, {}", label(constraint, names), constraint.bounds_in_words())
+}
+
+/// A constraint's kind and the names of its phones.
+pub(crate) fn label(constraint: &Constraint, names: &[String]) -> String {
+    format!("{} {}", constraint.name(), phones(constraint, names).join("–"))
 }
 
 fn phones(constraint: &Constraint, names: &[String]) -> Vec<String> {
-    let mut indices = constraint.phones().to_vec();
-    indices.dedup();
-    indices.into_iter().map(|index| names.get(index).map_or("?", String::as_str).to_owned()).collect()
+    let name = |&phone: &usize| names.get(phone).cloned().unwrap_or_else(|| format!("phone {phone}"));
+    constraint.phones().iter().map(name).collect()
 }
 
 /// Counts what the constraints of a schedule do.
@@ -125,7 +67,7 @@ pub(super) struct ConstraintTally {
 impl ConstraintTally {
     pub(super) fn new(schedule: &[ScheduledConstraint], names: &[String]) -> Self {
         let report = |scheduled: &ScheduledConstraint| ConstraintReport {
-            bounds: Bounds::of(&scheduled.constraint),
+            constraint: scheduled.constraint,
             phones: phones(&scheduled.constraint, names),
             from_gps: scheduled.from_gps.map(GpsTime::iso),
             to_gps: scheduled.to_gps.map(GpsTime::iso),
@@ -144,8 +86,6 @@ impl ConstraintTally {
     }
 
     pub(super) fn push(&mut self, epoch: &FusedEpoch) {
-        // Two constraints may be the same but for their time, or altogether: each action belongs to one.
-        let mut open: Vec<&ConstraintAction> = epoch.actions.iter().collect();
         for (scheduled, report) in self.schedule.iter().zip(&mut self.reports) {
             let is_in_window = scheduled.from_gps.is_none_or(|from| from <= epoch.time_gps)
                 && scheduled.to_gps.is_none_or(|to| epoch.time_gps <= to);
@@ -154,11 +94,12 @@ impl ConstraintTally {
             }
             report.epochs_in_window += 1;
             let is_present =
-                |index: usize| epoch.phones.get(index).is_some_and(|phone| phone.state.is_some());
-            report.epochs_in_force += u64::from(scheduled.constraint.phones().into_iter().all(is_present));
-            let action = open.iter().position(|action| action.constraint == scheduled.constraint);
-            if let Some(action) = action {
-                report.push(open.swap_remove(action));
+                |index: &usize| epoch.phones.get(*index).is_some_and(|phone| phone.state.is_some());
+            report.epochs_in_force += u64::from(scheduled.constraint.phones().iter().all(is_present));
+        }
+        for action in &epoch.actions {
+            if let Some(report) = self.reports.get_mut(action.index) {
+                report.push(action);
             }
         }
     }
@@ -167,7 +108,7 @@ impl ConstraintTally {
     pub(super) fn reports(&self) -> BTreeMap<String, ConstraintReport> {
         let mut reports = BTreeMap::new();
         for report in &self.reports {
-            let plain = format!("{} {}", report.bounds.kind(), report.phones.join(" "));
+            let plain = format!("{} {}", report.constraint.name(), report.phones.join(" "));
             let numbered = (2..).map(|number| format!("{plain} #{number}"));
             let key = std::iter::once(plain.clone()).chain(numbered).find(|key| !reports.contains_key(key));
             reports.insert(key.unwrap_or(plain), report.clone());

@@ -70,7 +70,11 @@ impl Report {
         for constraint in self.constraints.values() {
             let window = constraint.window();
             let window = if window.is_empty() { window } else { format!(", {window}") };
-            let what = format!("{} {}{window}", constraint.bounds.kind(), constraint.bounds);
+            let what = format!(
+                "{} {}{window}",
+                constraint.constraint.name(),
+                constraint.constraint.bounds_in_words()
+            );
             alike.entry(what).or_default().push(constraint);
         }
         alike

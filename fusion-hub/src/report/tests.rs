@@ -1,5 +1,7 @@
 use cofix_common::accuracy::Accuracy;
-use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome, SkipReason};
+use cofix_common::constraint::{
+    Constraint, ConstraintAction, ConstraintOutcome, Distance, Heading, SkipReason, VerticalVelocity,
+};
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Direction, Ecef, EcefVector};
 use cofix_common::gnss::SignalCode;
@@ -66,8 +68,15 @@ fn always(constraint: Constraint) -> ScheduledConstraint {
     ScheduledConstraint { constraint, from_gps: None, to_gps: None }
 }
 
-fn action(constraint: Constraint, before: f64, shift_m: f64, enlargements: u32) -> ConstraintAction {
+fn action(
+    index: usize,
+    constraint: Constraint,
+    before: f64,
+    shift_m: f64,
+    enlargements: u32,
+) -> ConstraintAction {
     ConstraintAction {
+        index,
         constraint,
         before,
         after: 0.0,
@@ -79,19 +88,19 @@ fn action(constraint: Constraint, before: f64, shift_m: f64, enlargements: u32) 
 
 #[test]
 fn epochs_verdicts_and_constraints_are_counted() {
-    let distance = Constraint::Distance { phones: (0, 1), minimum_m: 1.0, maximum_m: 2.0 };
-    let vertical = Constraint::VerticalVelocity { phone: 1, maximum_mps: 1.0 };
-    let heading = Constraint::Heading { phone: 0, course_rad: 1.0, tolerance_rad: 0.1 };
+    let distance = Constraint::Distance(Distance { phones: [0, 1], minimum_m: 1.0, maximum_m: 2.0 });
+    let vertical = Constraint::VerticalVelocity(VerticalVelocity { phone: 1, maximum_mps: 1.0 });
+    let heading = Constraint::Heading(Heading { phone: 0, course_rad: 1.0, tolerance_rad: 0.1 });
     let mut tally = Tally::new(&names());
     tally.schedule(&[always(distance), always(vertical), always(heading)]);
-    let actions =
-        vec![action(distance, 3.0, 0.5, 2), action(vertical, -1.5, 0.1, 0), action(heading, 0.05, 0.2, 0)];
+    let actions = vec![
+        action(0, distance, 3.0, 0.5, 2),
+        action(1, vertical, -1.5, 0.1, 0),
+        action(2, heading, 0.05, 0.2, 0),
+    ];
     tally.push(&epoch(10.0, Verdict::Reliable, actions));
-    let still = ConstraintAction { outcome: ConstraintOutcome::Violated, ..action(distance, 1.5, 0.1, 0) };
-    let reason = SkipReason::NoVariance;
-    let skipped =
-        ConstraintAction { outcome: ConstraintOutcome::Skipped(reason), ..action(distance, 9.0, 9.0, 9) };
-    tally.push(&epoch(11.0, Verdict::Unreliable(Cause::Geometry), vec![still, skipped]));
+    let still = ConstraintAction { outcome: ConstraintOutcome::Violated, ..action(0, distance, 1.5, 0.1, 0) };
+    tally.push(&epoch(11.0, Verdict::Unreliable(Cause::Geometry), vec![still]));
     assert_eq!((tally.epochs(), tally.common_epochs(), tally.usable_epochs(0)), (2, 0, 0));
     let phones = tally.phones(|_| Skips::default());
     assert_eq!((phones["b"].epochs, phones["b"].empty_epochs, phones["a"].epochs), (2, 2, 0));
@@ -103,7 +112,7 @@ fn epochs_verdicts_and_constraints_are_counted() {
     assert!((sigma - 5.0).abs() < 1e-9 && (phones["b"].vertical_sigma_m.unwrap().median - 2.0).abs() < 1e-9);
     let constraints = tally.constraints();
     let distance = &constraints["distance b a"];
-    assert_eq!(distance.bounds, Bounds::Distance { minimum_m: 1.0, maximum_m: 2.0 });
+    assert_eq!(distance.constraint.bounds_in_words(), "1 to 2 m");
     assert_eq!((distance.phones.join(" ").as_str(), distance.from_gps.as_ref()), ("b a", None));
     assert_eq!((distance.epochs_in_window, distance.epochs_in_force, distance.acted), (2, 2, 2));
     assert_eq!((distance.violated_before, distance.violated_after, distance.enlarged), (1, 1, 1));
@@ -114,19 +123,19 @@ fn epochs_verdicts_and_constraints_are_counted() {
 
 #[test]
 fn a_constraint_that_is_refused_counts_as_violated_and_one_that_never_holds_is_there() {
-    let distance = Constraint::Distance { phones: (0, 1), minimum_m: 0.0, maximum_m: 2.0 };
+    let distance = Constraint::Distance(Distance { phones: [0, 1], minimum_m: 0.0, maximum_m: 2.0 });
     let at = |seconds| Some(GpsTime::from_week_tow(2118, seconds));
     let within = |from_gps, to_gps| ScheduledConstraint { constraint: distance, from_gps, to_gps };
     let mut tally = Tally::new(&names());
     tally.schedule(&[within(None, at(10.5)), within(at(10.5), None), within(at(1e6), None)]);
-    let refused = |reason| ConstraintAction {
+    let refused = |index, reason| ConstraintAction {
         outcome: ConstraintOutcome::Skipped(reason),
         after: 9.0,
-        ..action(distance, 9.0, 0.0, 0)
+        ..action(index, distance, 9.0, 0.0, 0)
     };
-    tally.push(&epoch(10.0, Verdict::Reliable, vec![refused(SkipReason::Contradicted)]));
-    tally.push(&epoch(11.0, Verdict::Reliable, vec![action(distance, 1.0, 0.1, 0)]));
-    let mut unknown = refused(SkipReason::NotFinite);
+    tally.push(&epoch(10.0, Verdict::Reliable, vec![refused(0, SkipReason::Contradicted)]));
+    tally.push(&epoch(11.0, Verdict::Reliable, vec![action(1, distance, 1.0, 0.1, 0)]));
+    let mut unknown = refused(1, SkipReason::NotFinite);
     (unknown.before, unknown.after) = (f64::NAN, f64::NAN);
     tally.push(&epoch(12.0, Verdict::Reliable, vec![unknown]));
     let constraints = tally.constraints();

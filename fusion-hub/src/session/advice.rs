@@ -2,9 +2,10 @@
 
 use serde::de::DeserializeOwned;
 
-use super::text::{
-    ConstraintEntry, CorrectionTable, EvaluationTable, FilterTable, PhoneEntry, ProductsTable, SessionFile,
-};
+use cofix_common::constraint::Constraint;
+
+use super::constraint::ConstraintEntry;
+use super::text::{CorrectionTable, EvaluationTable, FilterTable, PhoneEntry, ProductsTable, SessionFile};
 use cofix_agent::masks::{LogOptions, Masks};
 
 /// Names at least so similar (Jaro-Winkler, 0 to 1) are taken for typing errors.
@@ -32,8 +33,7 @@ pub(super) fn advice(error: &toml::de::Error, text: &str) -> Option<String> {
         return Some("give every [[phone]] a name = \"NAME\"".to_owned());
     }
     if message.contains("missing field `kind`") {
-        let kinds = "\"distance\", \"vertical-velocity\" or \"heading\"";
-        return Some(format!("give every [[constraint]] a kind: {kinds}"));
+        return Some(format!("give every [[constraint]] a kind: \"{}\"", Constraint::KINDS.join("\", \"")));
     }
     if message.contains("escape") {
         return Some("write text with backslashes in single quotes: 'C:\\drive\\a.rnx'".to_owned());

@@ -1,4 +1,4 @@
-use cofix_common::constraint::Constraint;
+use cofix_common::constraint::{Constraint, Distance, Heading, VerticalVelocity};
 use cofix_common::measurement::Ionosphere;
 use cofix_common::time::GpsTime;
 
@@ -72,11 +72,13 @@ fn the_documented_file_is_read() {
 #[test]
 fn constraints_are_expanded_to_pairs_and_phones() {
     let constraints = parse(SESSION).unwrap().constraints;
-    let pair = |i, j| Constraint::Distance { phones: (i, j), minimum_m: 0.0, maximum_m: 2.0 };
+    let pair = |i, j| Constraint::Distance(Distance { phones: [i, j], minimum_m: 0.0, maximum_m: 2.0 });
     let kinds: Vec<_> = constraints.iter().map(|c| c.constraint).collect();
     assert_eq!(kinds[..3], [pair(0, 1), pair(0, 2), pair(1, 2)]);
-    assert_eq!(kinds[3], Constraint::VerticalVelocity { phone: 2, maximum_mps: 1.0 });
-    let Constraint::Heading { phone: 0, course_rad, tolerance_rad } = kinds[4] else { panic!("{kinds:?}") };
+    assert_eq!(kinds[3], Constraint::VerticalVelocity(VerticalVelocity { phone: 2, maximum_mps: 1.0 }));
+    let Constraint::Heading(Heading { phone: 0, course_rad, tolerance_rad }) = kinds[4] else {
+        panic!("{kinds:?}")
+    };
     assert!((course_rad - 260_f64.to_radians()).abs() < 1e-12);
     assert!((tolerance_rad - 10_f64.to_radians()).abs() < 1e-12);
     assert_eq!(kinds.len(), 5);
@@ -204,13 +206,13 @@ fn nonsense_is_refused_with_a_reason() {
         ("'a' is named twice", rule("kind='distance'\nmaximum_m=2\nphones=['a','a']")),
         ("at least two phones", rule("kind='distance'\nmaximum_m=2\nphones=['a']")),
         ("phones is empty", rule("kind='distance'\nmaximum_m=2\nphones=[]")),
-        ("maximum_m is missing", rule("kind='distance'")),
+        ("missing field `maximum_m`", rule("kind='distance'")),
         ("maximum_m is -1", rule("kind='distance'\nmaximum_m=-1")),
         ("maximum_m is NaN", rule("kind='distance'\nmaximum_m=nan")),
         ("minimum_m is -1", rule("kind='distance'\nmaximum_m=2\nminimum_m=-1")),
         ("minimum_m 3 is above maximum_m 2", rule("kind='distance'\nmaximum_m=2\nminimum_m=3")),
         ("maximum_mps is 0", rule("kind='vertical-velocity'\nmaximum_mps=0")),
-        ("course_deg is missing", rule("kind='heading'\ntolerance_deg=10")),
+        ("missing field `course_deg`", rule("kind='heading'\ntolerance_deg=10")),
         ("course_deg is 400", rule("kind='heading'\ncourse_deg=400\ntolerance_deg=10")),
         ("tolerance_deg is 90; it must be below 90", rule("kind='heading'\ncourse_deg=0\ntolerance_deg=90")),
         ("unknown variant `speed`", rule("kind='speed'")),
@@ -234,6 +236,30 @@ fn nonsense_is_refused_with_a_reason() {
         let message = refusal(&text);
         assert!(message.contains(reason), "expected '{reason}' in: {message}");
     }
+}
+
+#[test]
+fn a_key_of_another_kind_is_refused_with_the_keys_of_its_own() {
+    let message = refusal(
+        "group = 'g'\n[[phone]]\nname = 'a'\n[[phone]]\nname = 'b'\n[[constraint]]\nkind = 'distance'\nmaximum_m = 2\n\
+         [[constraint]]\ncourse_deg = 1\nkind = 'distance'\nmaximum_m = 2",
+    );
+    assert!(
+        message.ends_with(
+            "[[constraint]] number 2: unknown key `course_deg` for kind distance, which has minimum_m, maximum_m: it \
+             belongs to heading"
+        ),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_value_of_a_constraint_is_refused_with_its_line() {
+    let message =
+        refusal("group = 'g'\n[[phone]]\nname = 'a'\n[[constraint]]\nkind = 'heading'\ncourse_deg = 'north'");
+    assert!(message.contains("line 6") && message.contains("expected f64"), "{message}");
+    let message = refusal("group = 'g'\n[[phone]]\nname = 'a'\n[[constraint]]\nheight_m = 1");
+    assert!(message.contains("line 5") && message.contains("`kind`, `phones`, `from_gps`"), "{message}");
 }
 
 #[test]

@@ -6,6 +6,8 @@ use cofix_agent::masks::{LogOptions, Masks};
 use cofix_common::measurement::{Exclusion, Ionosphere};
 use serde::{Deserialize, Serialize};
 
+use super::constraint::ConstraintEntry;
+
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SessionFile {
@@ -55,29 +57,6 @@ pub(super) struct PhoneEntry {
     pub date: Option<String>,
     #[serde(default)]
     pub exclude: Vec<Exclusion>,
-}
-
-/// All keys of all kinds; [`super::rules`] says which belong to which.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ConstraintEntry {
-    pub kind: ConstraintKind,
-    pub phones: Option<Vec<String>>,
-    pub from_gps: Option<String>,
-    pub to_gps: Option<String>,
-    pub minimum_m: Option<f64>,
-    pub maximum_m: Option<f64>,
-    pub maximum_mps: Option<f64>,
-    pub course_deg: Option<f64>,
-    pub tolerance_deg: Option<f64>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum ConstraintKind {
-    Distance,
-    VerticalVelocity,
-    Heading,
 }
 
 #[derive(Debug, Deserialize)]

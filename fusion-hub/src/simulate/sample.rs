@@ -88,7 +88,7 @@ impl Sample<'_> {
     }
 
     /// The session file; `command` is what wrote the sample.
-    pub(super) fn session(&self, command: &str) -> String {
+    pub(super) fn session(&self, command: &str) -> io::Result<String> {
         let mut text = format!(
             "# Simulated by: {command}\n# Nobody was there. The bounds below are those that the simulated truth keeps.\n\
              group = \"{}\"\n\n[products]\nnavigation = [\"{NAVIGATION}\"]\n",
@@ -105,29 +105,15 @@ impl Sample<'_> {
         let constraints = self.simulation.distance_constraints();
         for constraint in constraints.into_iter().chain(self.simulation.vertical_velocity_constraints()) {
             text.push_str("\n[[constraint]]\n");
-            text.push_str(&self.constraint(&constraint));
+            text.push_str(&self.constraint(&constraint)?);
         }
-        text
+        Ok(text)
     }
 
-    fn constraint(&self, constraint: &Constraint) -> String {
-        match *constraint {
-            Constraint::Distance { phones: (a, b), minimum_m, maximum_m } => format!(
-                "kind = \"distance\"\nphones = [\"{}\", \"{}\"]\nminimum_m = {minimum_m:?}\nmaximum_m = {maximum_m:?}\n",
-                self.name(a),
-                self.name(b)
-            ),
-            Constraint::VerticalVelocity { phone, maximum_mps } => format!(
-                "kind = \"vertical-velocity\"\nphones = [\"{}\"]\nmaximum_mps = {maximum_mps:?}\n",
-                self.name(phone)
-            ),
-            Constraint::Heading { phone, course_rad, tolerance_rad } => format!(
-                "kind = \"heading\"\nphones = [\"{}\"]\ncourse_deg = {:?}\ntolerance_deg = {:?}\n",
-                self.name(phone),
-                course_rad.to_degrees(),
-                tolerance_rad.to_degrees()
-            ),
-        }
+    fn constraint(&self, constraint: &Constraint) -> io::Result<String> {
+        let phones: Vec<&str> = constraint.phones().iter().map(|&phone| self.name(phone)).collect();
+        let written = toml::to_string(constraint).map_err(io::Error::other)?;
+        Ok(format!("{written}phones = [\"{}\"]\n", phones.join("\", \"")))
     }
 
     fn name(&self, phone: usize) -> &str {

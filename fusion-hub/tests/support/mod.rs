@@ -3,7 +3,7 @@
 #![allow(dead_code)] // each test binary uses a part
 #![allow(clippy::unwrap_used, clippy::cast_possible_truncation)] // small numbers made here
 
-use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome};
+use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome, Distance};
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Direction, Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, PairDistance};
@@ -158,9 +158,10 @@ impl Session {
         if self.phones < 2 || !index.is_multiple_of(6) {
             return Vec::new();
         }
-        let constraint = Constraint::Distance { phones: (0, 1), minimum_m: 0.0, maximum_m: 2.0 };
+        let constraint = Constraint::Distance(Distance { phones: [0, 1], minimum_m: 0.0, maximum_m: 2.0 });
         let excess = noise.next().abs();
         vec![ConstraintAction {
+            index: 0,
             constraint,
             before: 2.0 + excess,
             after: 1.99,
