@@ -17,6 +17,7 @@ pub mod integrity;
 pub mod measurement;
 pub mod orbit;
 pub mod pipeline;
+pub mod settings;
 pub mod simulation;
 pub mod skips;
 pub mod solve;
