@@ -7,10 +7,10 @@ use clap::{Args, Parser, Subcommand};
 use cofix_agent::corrections::{CorrectionSourceError, approximate_position, base_position};
 use cofix_agent::input::{LiveSource, Trust};
 use cofix_agent::masks::{LogOptions, Masks};
+use cofix_agent::settings::FileSettings;
 use cofix_agent::{AgentConfig, CorrectionSource, Corrections, ProductFiles, ProductSource, Source, Speed};
 use cofix_common::frames::Ecef;
-use cofix_common::measurement::{CorrectionOptions, DifferentialOptions, Ionosphere};
-use cofix_common::pipeline::PipelineOptions;
+use cofix_common::measurement::Ionosphere;
 use cofix_common::time::GpsTime;
 use cofix_console::Verbosity;
 
@@ -26,6 +26,10 @@ pub(crate) struct Arguments {
     pub(crate) publish: Option<Publish>,
     #[command(flatten)]
     pub(crate) products: ProductFiles,
+    /// Settings file: tables [filter], [stochastic], [integrity], [correction], [masks] and [log] as in session files, which
+    /// 'cofix-hub settings' prints; options of the command line override it
+    #[arg(long, value_name = "FILE")]
+    pub(crate) settings: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) masks: Masks,
     #[command(flatten)]
@@ -63,6 +67,12 @@ pub(crate) fn trust(caster_ca: Option<&Path>, is_used: bool) -> anyhow::Result<T
     Ok(Trust::with_file(path)?)
 }
 
+/// What a settings file says, if one is named, with masks and ways to read logs of the command line before its own.
+pub(crate) fn settings(file: Option<&Path>, masks: Masks, log: LogOptions) -> anyhow::Result<FileSettings> {
+    let file = file.map(FileSettings::read).transpose()?.unwrap_or_default();
+    Ok(FileSettings { estimator: file.estimator, masks: masks.or(file.masks), log: log.or(&file.log) })
+}
+
 /// What is read.
 #[derive(Debug, Args)]
 pub(crate) struct Files {
@@ -81,6 +91,9 @@ pub(crate) struct Inspect {
     /// JSON instead of a table: a list with one object per file
     #[arg(long)]
     pub(crate) json: bool,
+    /// Settings file, as of the agent itself
+    #[arg(long, value_name = "FILE")]
+    pub(crate) settings: Option<PathBuf>,
     /// With orbits, recordings are processed too, and what masks and RAIM take is counted
     #[command(flatten)]
     pub(crate) products: ProductFiles,
@@ -136,9 +149,9 @@ pub(crate) struct Publish {
     #[arg(long)]
     recorded_corrections: bool,
     /// 'model': every signal with a modelled delay; 'pair': the ionosphere-free pair of satellites with two bands; 'pair-only':
-    /// nothing but pairs
-    #[arg(long, value_name = "METHOD", default_value = "model")]
-    ionosphere: Ionosphere,
+    /// nothing but pairs [default: as the settings file says, model]
+    #[arg(long, value_name = "METHOD")]
+    ionosphere: Option<Ionosphere>,
     /// Corrections: a recorded file, tcp://HOST:PORT or ntrip://USER:PASSWORD@HOST:PORT/MOUNT (ntrips:// with TLS). Its ephemerides are used, and, when it
     /// carries the observations of a base station, pseudoranges are corrected by them; may be repeated
     // Read later: what refuses arguments here would show the password.
@@ -151,9 +164,9 @@ pub(crate) struct Publish {
     /// stations); else the recording's header, --base-position or the first position computed tells
     #[arg(long, value_name = "LAT,LON,HEIGHT", allow_hyphen_values = true, value_parser = approximate_position)]
     approximate_position: Option<Ecef>,
-    /// Corrections older than this are not used, seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=3_600))]
-    corrections_age: u64,
+    /// Corrections older than this are not used, seconds [default: as the settings file says, 60]
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=3_600))]
+    corrections_age: Option<u64>,
     /// Certificates (PEM) that are trusted besides the system's, for casters in TLS: of an authority of your own, or of the caster
     #[arg(long, value_name = "FILE")]
     caster_ca: Option<PathBuf>,
@@ -173,9 +186,16 @@ impl Publish {
     pub(crate) fn config(
         self,
         products: ProductFiles,
-        masks: &Masks,
-        log: &LogOptions,
+        settings: &FileSettings,
     ) -> anyhow::Result<AgentConfig> {
+        let FileSettings { mut estimator, masks, log } = settings.clone();
+        let correction = &mut estimator.correction;
+        correction.ionosphere = self.ionosphere.unwrap_or(correction.ionosphere);
+        correction.maximum_age_s =
+            self.corrections_age.map_or(correction.maximum_age_s, |age_s| age_s as f64);
+        let mut pipeline = estimator.pipeline();
+        pipeline.correction = masks.apply(pipeline.correction)?;
+        pipeline.recorded_corrections = self.recorded_corrections;
         let mut source = self.source()?;
         let mut sources: Vec<CorrectionSource> = self
             .corrections
@@ -191,23 +211,13 @@ impl Publish {
             corrections: Corrections {
                 sources,
                 base_position: self.base_position,
-                options: DifferentialOptions {
-                    maximum_age_s: self.corrections_age as f64,
-                    ..DifferentialOptions::default()
-                },
+                options: estimator.differential(),
             },
             approximate_position: self.approximate_position,
             connect: self.connect,
             speed: self.speed,
-            log: log.with(masks)?,
-            pipeline: PipelineOptions {
-                correction: masks.apply(CorrectionOptions {
-                    ionosphere: self.ionosphere,
-                    ..CorrectionOptions::default()
-                })?,
-                recorded_corrections: self.recorded_corrections,
-                ..PipelineOptions::default()
-            },
+            log: log.with(&masks)?,
+            pipeline,
             patience: Duration::from_secs(self.patience),
             kept_messages: AgentConfig::KEPT_MESSAGES,
         })
@@ -243,5 +253,65 @@ impl Publish {
             Some(near) => Source::DatedFile { path: name.into(), near },
             None => Source::File(name.into()),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use cofix_common::filter::FilterOptions;
+    use cofix_common::pipeline::PipelineOptions;
+
+    use super::*;
+
+    fn config(settings: Option<&str>, more: &[&str]) -> AgentConfig {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("settings.toml");
+        let mut line = vec!["cofix-agent", "--group", "g", "--phone", "p", "--observations", "a.rnx"];
+        let path = file.display().to_string();
+        if let Some(text) = settings {
+            std::fs::write(&file, text).unwrap();
+            line.extend(["--settings", &path]);
+        }
+        line.extend(more);
+        let Arguments { publish, products, settings, masks, log, .. } = Arguments::parse_from(line);
+        let settings = super::settings(settings.as_deref(), masks, log).unwrap();
+        publish.unwrap().config(products, &settings).unwrap()
+    }
+
+    #[test]
+    fn without_a_file_all_is_as_by_default() {
+        let config = config(None, &[]);
+        assert_eq!(config.pipeline.correction, PipelineOptions::default().correction);
+        assert_eq!(config.pipeline.filter, FilterOptions::default());
+        assert_eq!(config.corrections, Corrections::default());
+    }
+
+    #[test]
+    fn the_command_line_overrides_the_file() {
+        let file = "[filter]\npreset = 'peng2023'\nmaximum_gap_s = 3.0\n[integrity]\nmaximum_exclusions = 2\n\
+                    [correction]\nionosphere = 'pair'\nmaximum_age_s = 30\n[correction.base]\noutlier_sigmas = 4.0\n\
+                    [masks]\nelevation_deg = 20.0\ncn0_dbhz = 25.0\nexclude = ['R']\n\
+                    [log]\nkeep_multipath = true\nshift_weeks = 1024";
+        let given = config(Some(file), &[]);
+        let peng = FilterOptions::peng2023();
+        assert_eq!(given.pipeline.filter, FilterOptions { maximum_gap_s: 3.0, ..peng });
+        assert_eq!(given.pipeline.raim.maximum_exclusions, 2);
+        assert_eq!(given.pipeline.correction.ionosphere, Ionosphere::Pair);
+        let options = given.corrections.options;
+        assert_eq!((options.maximum_age_s, options.outlier_sigmas), (30.0, 4.0));
+        assert_eq!(given.pipeline.correction.elevation_mask_rad, 20_f64.to_radians());
+        assert_eq!(given.pipeline.correction.exclude.len(), 1);
+        assert!(!given.log.masks.reject_multipath && given.log.shift_weeks == 1_024);
+        let options =
+            ["--ionosphere", "model", "--corrections-age", "90", "--elevation-mask", "5", "--exclude", "E,C"];
+        let overridden = config(Some(file), &[&options[..], &["--shift-weeks", "0"]].concat());
+        assert_eq!(overridden.pipeline.correction.ionosphere, Ionosphere::Model);
+        assert_eq!(overridden.corrections.options.maximum_age_s, 90.0);
+        assert_eq!(overridden.corrections.options.outlier_sigmas, 4.0);
+        assert_eq!(overridden.pipeline.correction.elevation_mask_rad, 5_f64.to_radians());
+        assert_eq!(overridden.pipeline.correction.minimum_cn0_dbhz, 25.0);
+        assert_eq!(overridden.pipeline.correction.exclude.len(), 2);
+        assert_eq!(overridden.log.shift_weeks, 0);
+        assert_eq!(overridden.pipeline.filter, given.pipeline.filter);
     }
 }

@@ -26,6 +26,7 @@ pub mod products;
 pub mod publication;
 pub mod records;
 mod run;
+pub mod settings;
 pub mod signals;
 pub mod source;
 mod source_error;

@@ -11,10 +11,11 @@ use cofix_agent::convert::Outputs;
 use cofix_agent::input::ntrip::{self, Caster};
 use cofix_agent::inspect::InspectOptions;
 use cofix_agent::masks::Masks;
+use cofix_agent::settings::FileSettings;
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::source::Reading;
 use cofix_agent::{AgentConfig, ProductSource, Stop};
-use cofix_common::measurement::{CorrectionOptions, DifferentialCounts};
+use cofix_common::measurement::DifferentialCounts;
 use cofix_console::{LevelFilter, Lines, conclude, print, say_error, start_log};
 
 fn main() -> ExitCode {
@@ -25,7 +26,7 @@ fn main() -> ExitCode {
 }
 
 fn work(arguments: Arguments) -> anyhow::Result<()> {
-    let Arguments { command, publish, products, masks, log, verbosity: _ } = arguments;
+    let Arguments { command, publish, products, settings: file, masks, log, verbosity: _ } = arguments;
     match (command, publish) {
         (Some(Command::Inspect(arguments)), _) => inspect(&arguments),
         (Some(Command::Convert(arguments)), _) => convert(arguments),
@@ -35,17 +36,24 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
             let caster = caster.trusting(&trust);
             print(&ntrip::sourcetable(&caster, &Stop::default())?.to_string())
         }
-        (None, Some(publish)) => start(publish.config(products, &masks, &log)?),
+        (None, Some(publish)) => {
+            start(publish.config(products, &arguments::settings(file.as_deref(), masks, log)?)?)
+        }
         (None, None) => anyhow::bail!("nothing to do; see --help"),
     }
 }
 
 /// A file that cannot be used does not keep the others from being shown; the exit code tells.
 fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
+    let (masks, log) = (arguments.masks.clone(), arguments.log.clone());
+    let FileSettings { estimator, masks, log } =
+        arguments::settings(arguments.settings.as_deref(), masks, log)?;
+    let mut pipeline = estimator.pipeline();
+    pipeline.correction = masks.apply(pipeline.correction)?;
     let options = InspectOptions {
-        reading: Reading { near: arguments.read.date, log: arguments.log.with(&arguments.masks)? },
+        reading: Reading { near: arguments.read.date, log: log.with(&masks)? },
         products: ProductSource::Files(arguments.products.clone()),
-        correction: arguments.masks.apply(CorrectionOptions::default())?,
+        pipeline,
     };
     let mut inspections = Vec::new();
     let mut errors = Vec::new();

@@ -5,8 +5,12 @@ use std::ops::RangeInclusive;
 use clap::{Args, ValueEnum};
 use cofix_common::formats::gnsslogger::{self, BiasReference};
 use cofix_common::measurement::{CorrectionOptions, Exclusion};
+use cofix_common::settings::Entry;
 use serde::{Deserialize, Serialize};
+use toml::Value;
 
+/// The usual mask of elevation; in radians it is that of [`CorrectionOptions::default`].
+const ELEVATION_DEG: f64 = 7.5;
 /// Four times 1,024 weeks: a recording is not shifted by more.
 const MOST_SHIFT_WEEKS: i64 = 4_096;
 
@@ -73,18 +77,31 @@ pub enum Bias {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the mask of {name} is {value}; it must lie between {} and {}", limits.start(), limits.end())]
 pub struct MaskError {
+    /// The key in files.
+    pub key: &'static str,
     name: &'static str,
     value: f64,
     limits: RangeInclusive<f64>,
 }
 
 impl Masks {
+    /// These, and what `file` says where they are left open.
+    #[must_use]
+    pub fn or(self, file: Self) -> Self {
+        Self {
+            elevation_deg: self.elevation_deg.or(file.elevation_deg),
+            cn0_dbhz: self.cn0_dbhz.or(file.cn0_dbhz),
+            exclude: if self.exclude.is_empty() { file.exclude } else { self.exclude },
+        }
+    }
+
     /// The options of corrections with these masks.
     ///
     /// # Errors
     /// A mask that makes no sense.
     pub fn apply(&self, mut options: CorrectionOptions) -> Result<CorrectionOptions, MaskError> {
-        let elevation_deg = checked("the elevation [degrees]", self.elevation_deg, 0.0..=90.0)?;
+        let elevation_deg =
+            checked("elevation_deg", "the elevation [degrees]", self.elevation_deg, 0.0..=90.0)?;
         options.elevation_mask_rad = elevation_deg.map_or(options.elevation_mask_rad, f64::to_radians);
         options.minimum_cn0_dbhz = self.cn0_dbhz()?.unwrap_or(options.minimum_cn0_dbhz);
         options.exclude.extend(&self.exclude);
@@ -92,18 +109,36 @@ impl Masks {
     }
 
     fn cn0_dbhz(&self) -> Result<Option<f64>, MaskError> {
-        checked("C/N0 [dB-Hz]", self.cn0_dbhz, 0.0..=80.0)
+        checked("cn0_dbhz", "C/N0 [dB-Hz]", self.cn0_dbhz, 0.0..=80.0)
     }
 }
 
 impl LogOptions {
+    /// These, and what `file` says where they are left open.
+    #[must_use]
+    pub fn or(self, file: &Self) -> Self {
+        Self {
+            received_time_uncertainty_ns: self
+                .received_time_uncertainty_ns
+                .or(file.received_time_uncertainty_ns),
+            bias_uncertainty_ns: self.bias_uncertainty_ns.or(file.bias_uncertainty_ns),
+            rate_uncertainty_mps: self.rate_uncertainty_mps.or(file.rate_uncertainty_mps),
+            keep_multipath: self.keep_multipath || file.keep_multipath,
+            keep_untimed: self.keep_untimed || file.keep_untimed,
+            keep_invalid_phase: self.keep_invalid_phase || file.keep_invalid_phase,
+            shift_weeks: self.shift_weeks.or(file.shift_weeks),
+            bias_reference: self.bias_reference.or(file.bias_reference),
+        }
+    }
+
     /// How text is read; of `masks` the one of C/N0 counts.
     ///
     /// # Errors
     /// A mask that makes no sense.
     pub fn with(&self, masks: &Masks) -> Result<gnsslogger::Options, MaskError> {
         let limit = MOST_SHIFT_WEEKS as f64;
-        checked("weeks to shift", self.shift_weeks.map(|weeks| weeks as f64), -limit..=limit)?;
+        let weeks = self.shift_weeks.map(|weeks| weeks as f64);
+        checked("shift_weeks", "weeks to shift", weeks, -limit..=limit)?;
         let mut options = gnsslogger::Options {
             shift_weeks: self.shift_weeks.unwrap_or(0),
             keep_invalid_phase: self.keep_invalid_phase,
@@ -114,14 +149,28 @@ impl LogOptions {
             ..gnsslogger::Options::default()
         };
         let log = &mut options.masks;
-        let set = |place: &mut f64, name, value| -> Result<(), MaskError> {
-            *place = checked(name, value, 0.0..=f64::MAX)?.unwrap_or(*place);
+        let set = |place: &mut f64, key, name, value| -> Result<(), MaskError> {
+            *place = checked(key, name, value, 0.0..=f64::INFINITY)?.unwrap_or(*place);
             Ok(())
         };
-        let received_ns = self.received_time_uncertainty_ns;
-        set(&mut log.max_received_time_uncertainty_ns, "the received time's uncertainty [ns]", received_ns)?;
-        set(&mut log.max_bias_uncertainty_ns, "the bias uncertainty [ns]", self.bias_uncertainty_ns)?;
-        set(&mut log.max_rate_uncertainty_mps, "the rate's uncertainty [m/s]", self.rate_uncertainty_mps)?;
+        set(
+            &mut log.max_received_time_uncertainty_ns,
+            "received_time_uncertainty_ns",
+            "the received time's uncertainty [ns]",
+            self.received_time_uncertainty_ns,
+        )?;
+        set(
+            &mut log.max_bias_uncertainty_ns,
+            "bias_uncertainty_ns",
+            "the bias uncertainty [ns]",
+            self.bias_uncertainty_ns,
+        )?;
+        set(
+            &mut log.max_rate_uncertainty_mps,
+            "rate_uncertainty_mps",
+            "the rate's uncertainty [m/s]",
+            self.rate_uncertainty_mps,
+        )?;
         log.min_cn0_dbhz = masks.cn0_dbhz()?.unwrap_or(log.min_cn0_dbhz);
         log.reject_multipath = !self.keep_multipath;
         if self.keep_untimed {
@@ -131,13 +180,118 @@ impl LogOptions {
     }
 }
 
+/// The keys of the tables `[masks]` and `[log]` with their defaults.
+pub fn entries() -> Vec<Entry> {
+    let correction = CorrectionOptions::default();
+    let log = gnsslogger::Masks::default();
+    let masks = ("masks", "What is not used, of any format.");
+    let logs = ("log", "How GnssLogger text, and challenge tables with its columns, are read.");
+    let float = |value: f64| Value::Float(value);
+    let switch = ("switch", "true or false");
+    let rows: [(_, _, _, _, Value); 11] = [
+        (
+            masks,
+            "elevation_deg",
+            ("degrees", "0 to 90"),
+            "Satellites lower than this are not used.",
+            float(ELEVATION_DEG),
+        ),
+        (
+            masks,
+            "cn0_dbhz",
+            ("dB-Hz", "0 to 80"),
+            "Signals weaker than this are not used.",
+            float(correction.minimum_cn0_dbhz),
+        ),
+        (
+            masks,
+            "exclude",
+            (
+                "list",
+                "constellations, satellites or signals: \"E\", \"G05\", \"C:1C\", \"E12:5X\", \"G:5\" or \"5X\"",
+            ),
+            "What is not used in any epoch.",
+            Value::Array(Vec::new()),
+        ),
+        (
+            logs,
+            "received_time_uncertainty_ns",
+            ("ns", "0 to inf"),
+            "Largest ReceivedSvTimeUncertaintyNanos of signals that are used.",
+            float(log.max_received_time_uncertainty_ns),
+        ),
+        (
+            logs,
+            "bias_uncertainty_ns",
+            ("ns", "0 to inf"),
+            "Largest BiasUncertaintyNanos of epochs that are used.",
+            float(log.max_bias_uncertainty_ns),
+        ),
+        (
+            logs,
+            "rate_uncertainty_mps",
+            ("m/s", "0 to inf"),
+            "Largest PseudorangeRateUncertaintyMetersPerSecond; above it the code is used without the rate.",
+            float(log.max_rate_uncertainty_mps),
+        ),
+        (
+            logs,
+            "keep_multipath",
+            switch,
+            "Whether signals are used whose MultipathIndicator is 1 (detected).",
+            Value::Boolean(!log.reject_multipath),
+        ),
+        (
+            logs,
+            "keep_untimed",
+            switch,
+            "Whether times of transmission are used for which no state bit vouches.",
+            Value::Boolean(false),
+        ),
+        (
+            logs,
+            "keep_invalid_phase",
+            switch,
+            "Whether carrier phases are given that the phone does not call valid.",
+            Value::Boolean(false),
+        ),
+        (
+            logs,
+            "shift_weeks",
+            ("weeks", "-4096 to 4096, whole"),
+            "Weeks that are added to all times, of RINEX and challenge tables too; 1024 for a week that was not rolled over.",
+            Value::Integer(0),
+        ),
+        (
+            logs,
+            "bias_reference",
+            ("word", "\"each-epoch\" or \"first-epoch\""),
+            "Which FullBiasNanos turns the phone's clock into GPS time.",
+            Value::String("each-epoch".to_owned()),
+        ),
+    ];
+    let entry =
+        |((table, about), key, (unit, range), meaning, value): ((&str, &str), _, (_, &str), &str, _)| Entry {
+            table: table.to_owned(),
+            about: about.to_owned(),
+            key,
+            meaning: meaning.to_owned(),
+            unit,
+            range: range.to_owned(),
+            value: Some(value),
+            is_within: true,
+        };
+    rows.into_iter().map(entry).collect()
+}
+
 fn checked(
+    key: &'static str,
     name: &'static str,
     value: Option<f64>,
     limits: RangeInclusive<f64>,
 ) -> Result<Option<f64>, MaskError> {
     match value {
-        Some(value) if !limits.contains(&value) => Err(MaskError { name, value, limits }),
+        Some(value) if !limits.contains(&value) => Err(MaskError { key, name, value, limits }),
         value => Ok(value),
     }
 }

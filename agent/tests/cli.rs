@@ -460,6 +460,37 @@ fn masks_by_name_are_counted_and_one_that_names_nothing_is_said() {
 }
 
 #[test]
+fn settings_of_a_file_act_and_wrong_ones_are_named_by_line() {
+    let folder = folder();
+    let at = |text: &str| std::fs::write(folder.path().join("settings.toml"), text).unwrap();
+    let inspected = || {
+        let arguments = ["inspect", "good.rnx", "--json", "--settings", "settings.toml"];
+        let assert = command(folder.path(), &arguments).success();
+        String::from_utf8(assert.get_output().stdout.clone()).unwrap()
+    };
+    at("[masks]\ncn0_dbhz = 15.0\n");
+    let usual = inspected();
+    at("[masks]\ncn0_dbhz = 60.0\n");
+    assert!(inspected() != usual, "{usual}");
+    for (text, expected) in [
+        (
+            "[filter]\n\ncode_sigma_scale = 0\n",
+            "settings.toml: line 3: [filter] code_sigma_scale is 0.0; it must lie within 0.01 to 100",
+        ),
+        ("[filter]\ncode_scale = 1\n", "settings.toml: TOML parse error at line 2, column 1"),
+    ] {
+        at(text);
+        for arguments in [
+            &["inspect", "good.rnx", "--settings", "settings.toml"][..],
+            &["--group", "g", "--phone", "p", "--observations", "good.rnx", "--settings", "settings.toml"],
+        ] {
+            let text = said(&command(folder.path(), arguments).code(1));
+            assert!(text.contains(expected), "expected '{expected}' in: {text}");
+        }
+    }
+}
+
+#[test]
 fn version_and_verbosity() {
     let folder = folder();
     let version = command(folder.path(), &["--version"]).success().get_output().stdout.clone();

@@ -11,6 +11,7 @@ use cofix_common::formats::rinex::{
 };
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::measurement::CorrectionOptions;
+use cofix_common::pipeline::PipelineOptions;
 use cofix_common::simulation::{Scenario, Simulation};
 
 fn write(path: &Path, epochs: &[ObservationEpoch]) {
@@ -63,7 +64,8 @@ fn constellations_satellites_and_signals_can_be_excluded() {
         let products = ProductSource::Loaded(Arc::new(simulation.products()));
         let exclude = exclude.iter().map(|text| text.parse().unwrap()).collect();
         let correction = CorrectionOptions { exclude, ..CorrectionOptions::default() };
-        let options = InspectOptions { products, correction, ..InspectOptions::default() };
+        let pipeline = PipelineOptions { correction, ..PipelineOptions::default() };
+        let options = InspectOptions { products, pipeline, ..InspectOptions::default() };
         inspect(&path, &options, &Stop::default()).unwrap().trial.unwrap()
     };
     let observations = || epochs.iter().flat_map(|epoch| &epoch.observations);

@@ -80,6 +80,7 @@ pub mod measurement;
 pub mod orbit;
 pub mod pipeline;
 pub mod recording;
+pub mod settings;
 pub mod simulation;
 pub mod skips;
 pub mod solve;

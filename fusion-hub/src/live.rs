@@ -33,8 +33,8 @@ pub struct LiveOptions {
     pub overwrite: bool,
     /// Whether to end when the agents of all phones have finished.
     pub until_finished: bool,
-    /// Alignment.
-    pub align: AlignOptions,
+    /// How long the group waits for a phone, in place of what the session says.
+    pub latency: Option<Duration>,
 }
 
 /// Runs a hub until `stop` is requested or, if so wished, all agents have finished. Blocks.
@@ -57,10 +57,12 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     }
     outputs.show_status(Moment { now: Duration::ZERO, wall_gps: source::now() });
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
+    let align = session.settings.estimator.align();
+    let maximum_wait = options.latency.unwrap_or(align.maximum_wait);
     let mut group = Group::new(Parts {
         name: session.group.clone(),
         course: Course::Live { until_finished: options.until_finished },
-        aligner: Aligner::live(phones.len(), options.align),
+        aligner: Aligner::live(phones.len(), AlignOptions { maximum_wait, ..align }),
         engine: Engine::new(&phones, session.constraints.clone(), session.settings.options()?.1),
         receipts: network.receipts(),
         history: network.history()?,

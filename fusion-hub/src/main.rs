@@ -7,10 +7,10 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use arguments::{OutputArguments, conclude};
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, ValueEnum};
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
-use cofix_common::fusion::align::AlignOptions;
+use cofix_common::settings::Preset;
 use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
 use cofix_hub::files::{inputs, live_inputs};
 use cofix_hub::live::{self, LiveOptions};
@@ -47,8 +47,9 @@ enum Command {
         #[arg(long)]
         until_finished: bool,
         /// Longest wait for a phone: an epoch of the others waits so long after its arrival, then they go on without that phone
-        #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = latency)]
-        latency: f64,
+        /// [default: maximum_wait_s in the session's table alignment, 5]
+        #[arg(long, value_name = "SECONDS", value_parser = latency)]
+        latency: Option<f64>,
         #[command(flatten)]
         outputs: OutputArguments,
     },
@@ -73,6 +74,21 @@ enum Command {
     },
     /// Write a simulated scenario as files: observations, navigation messages, truth, and a session to replay
     Simulate(simulate::Arguments),
+    /// Print every setting of agents and hub as tables for a session file, each with unit, range and meaning
+    Settings {
+        /// The values that are printed
+        #[arg(long, default_value = "default")]
+        preset: PresetName,
+    },
+}
+
+/// [`Preset`] by name.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum PresetName {
+    /// Ours, tuned on real drives
+    Default,
+    /// The values printed in Peng 2023, section 4
+    Peng2023,
 }
 
 /// Seconds between a tenth and an hour.
@@ -88,7 +104,7 @@ fn main() -> ExitCode {
     // A live hub tells who comes and goes; elsewhere only what is wrong is said.
     let (usual, lines) = match arguments.command {
         Command::Run { .. } => (LevelFilter::INFO, Lines::Timed),
-        Command::Replay { .. } | Command::Demo { .. } | Command::Simulate(_) => {
+        Command::Replay { .. } | Command::Demo { .. } | Command::Simulate(_) | Command::Settings { .. } => {
             (LevelFilter::WARN, Lines::Plain)
         }
     };
@@ -102,9 +118,9 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             let session = Session::read_with_data(&file, data.as_deref())?;
             let read = live_inputs(&file, &session);
             let report = outputs.prepare(&inputs(&file, &session), read, folder(&file, data.as_deref()))?;
-            let align = AlignOptions::with_latency(Duration::from_secs_f64(latency));
+            let latency = latency.map(Duration::from_secs_f64);
             let OutputArguments { recording, positions, overwrite, .. } = outputs;
-            let options = LiveOptions { listen, recording, positions, overwrite, until_finished, align };
+            let options = LiveOptions { listen, recording, positions, overwrite, until_finished, latency };
             conclude(live::run(&session, &options, stop)?, report)
         }
         Command::Replay { session: file, data, speed, outputs } => {
@@ -123,6 +139,13 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
         Command::Simulate(arguments) => {
             let session = simulate(&arguments, stop)?;
             cofix_console::print(&format!("Session: {}\n", session.display()))
+        }
+        Command::Settings { preset } => {
+            let preset = match preset {
+                PresetName::Default => Preset::Default,
+                PresetName::Peng2023 => Preset::Peng2023,
+            };
+            cofix_console::print(&cofix_agent::settings::document(preset))
         }
     }
 }

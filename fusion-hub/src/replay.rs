@@ -27,7 +27,7 @@ use crate::recorder::Recorded;
 use crate::report::{Report, SettingsReport};
 use crate::scores::Scores;
 use crate::session::{Session, SessionPhone, Settings};
-use cofix_common::fusion::align::{AlignOptions, Aligner};
+use cofix_common::fusion::align::Aligner;
 use cofix_common::fusion::engine::{Engine, ScheduledConstraint};
 
 /// A port on loopback that the system chooses.
@@ -317,7 +317,7 @@ fn group(plan: &Plan, options: &ReplayOptions, network: &Network) -> anyhow::Res
     Ok(Group::new(Parts {
         name: plan.group.clone(),
         course: Course::Replay,
-        aligner: Aligner::new(phones.len(), AlignOptions::default()),
+        aligner: Aligner::new(phones.len(), plan.settings.estimator.align()),
         engine: Engine::new(&phones, plan.constraints.clone(), plan.settings.options()?.1),
         receipts: network.receipts(),
         history: network.history()?,

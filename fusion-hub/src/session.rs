@@ -36,7 +36,7 @@
 //! [evaluation]
 //! truth_quality = [1]                 # rows of the truth that count; this is the default
 //! [filter]
-//! preset = "default"                  # or "peng2023"
+//! preset = "default"                  # or "peng2023"; single keys of the tables below override it
 //! [correction]
 //! sources = ["base.rtcm3"]            # optional: recordings of base stations and of ephemerides, for all phones
 //! base_position_m = [4e6, 5e5, 5e6]   # optional: the base's antenna, ECEF, in place of what its recording states
@@ -57,6 +57,9 @@
 //! shift_weeks = 0                     # weeks to add to the times of all phones, of RINEX and tables too
 //! ```
 //!
+//! The tables `[correction]`, `[stochastic]`, `[integrity]`, `[filter]`, `[constraints]` and `[alignment]` are the settings tree
+//! ([`cofix_common::settings`]); `cofix-hub settings` prints all of its keys with units, ranges and defaults.
+//!
 //! Paths are relative to the file, or to a folder that is named when it is read. Unknown keys are errors.
 
 mod advice;
@@ -69,15 +72,17 @@ use std::path::{Path, PathBuf};
 
 pub use cofix_agent::ProductFiles;
 use cofix_agent::masks::{LogOptions, MaskError, Masks};
+use cofix_agent::settings::in_table;
 use cofix_agent::{CorrectionSource, Corrections};
 use cofix_common::frames::Ecef;
-use cofix_common::measurement::{Exclusion, Ionosphere};
+use cofix_common::measurement::Exclusion;
 use cofix_common::pipeline::PipelineOptions;
+pub use cofix_common::settings::Preset;
+use cofix_common::settings::{CorrectionKeys, Settings as Estimator};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::check_name;
 
 use cofix_common::fusion::engine::{EngineOptions, ScheduledConstraint};
-pub use text::Preset;
 
 /// A session that makes sense.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,10 +104,10 @@ pub struct Session {
 /// How a session is processed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settings {
-    /// The estimator's settings.
+    /// The preset that the estimator's settings began with.
     pub preset: Preset,
-    /// What is done about the ionosphere.
-    pub ionosphere: Ionosphere,
+    /// The estimator's settings, of agents and hub.
+    pub estimator: Estimator,
     /// Corrections from elsewhere, for all phones.
     pub corrections: Corrections,
     /// What is not used.
@@ -117,25 +122,24 @@ impl Settings {
     /// # Errors
     /// A mask that makes no sense.
     pub fn options(&self) -> Result<(PipelineOptions, EngineOptions), MaskError> {
-        let (mut pipeline, engine) = match self.preset {
-            Preset::Default => (PipelineOptions::default(), EngineOptions::default()),
-            Preset::Peng2023 => (PipelineOptions::peng2023(), EngineOptions::peng2023()),
-        };
+        let mut pipeline = self.estimator.pipeline();
         pipeline.correction = self.masks.apply(pipeline.correction)?;
-        pipeline.correction.ionosphere = self.ionosphere;
-        Ok((pipeline, engine))
+        Ok((pipeline, self.estimator.engine()))
     }
 
-    fn new(file: &text::SessionFile, folder: &Path) -> Result<Self, String> {
+    /// Of a file with this text.
+    fn new(file: &text::SessionFile, text: &str, folder: &Path) -> Result<Self, String> {
+        let estimator = Estimator::of_file(&file.settings()).map_err(|error| error.told(text))?;
+        let preset = file.filter.preset.unwrap_or_default();
         let settings = Self {
-            preset: file.filter.preset,
-            ionosphere: file.correction.ionosphere,
-            corrections: corrections(&file.correction, folder)?,
+            preset,
+            estimator,
+            corrections: corrections(&file.correction, &estimator, preset, folder)?,
             masks: file.masks.clone(),
             log: file.log.clone(),
         };
-        settings.options().map_err(|error| format!("[masks]: {error}"))?;
-        settings.log.with(&settings.masks).map_err(|error| format!("[log]: {error}"))?;
+        settings.options().map_err(|error| in_table("masks", &error, text))?;
+        settings.log.with(&settings.masks).map_err(|error| in_table("log", &error, text))?;
         Ok(settings)
     }
 }
@@ -225,7 +229,7 @@ impl Session {
             message: with_advice(&error, text),
         })?;
         let folder = data.or(path.parent()).unwrap_or(Path::new(""));
-        check(file, folder).map_err(|reason| SessionError::Invalid { path: path.to_owned(), reason })
+        check(file, text, folder).map_err(|reason| SessionError::Invalid { path: path.to_owned(), reason })
     }
 
     /// The phones' names in order.
@@ -243,7 +247,7 @@ fn with_advice(error: &toml::de::Error, text: &str) -> String {
     }
 }
 
-fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
+fn check(file: text::SessionFile, text: &str, folder: &Path) -> Result<Session, String> {
     check_name(&file.group).map_err(|error| format!("group: {error}"))?;
     check_phone_names(&file.phone)?;
     let names: Vec<&str> = file.phone.iter().map(|phone| phone.name.as_str()).collect();
@@ -256,7 +260,7 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
     if file.evaluation.truth_quality.is_empty() {
         return Err("[evaluation] truth_quality is empty: no row of a truth would count".to_owned());
     }
-    let settings = Settings::new(&file, folder)?;
+    let settings = Settings::new(&file, text, folder)?;
     let at = |path: PathBuf| folder.join(path);
     let all = |paths: Vec<PathBuf>| paths.into_iter().map(at).collect();
     let phone = |phone: text::PhoneEntry| {
@@ -287,19 +291,21 @@ fn check(file: text::SessionFile, folder: &Path) -> Result<Session, String> {
     })
 }
 
-fn corrections(table: &text::CorrectionTable, folder: &Path) -> Result<Corrections, String> {
-    let mut corrections = Corrections {
-        sources: table.sources.iter().map(|path| CorrectionSource::File(folder.join(path))).collect(),
+fn corrections(
+    table: &CorrectionKeys,
+    estimator: &Estimator,
+    preset: Preset,
+    folder: &Path,
+) -> Result<Corrections, String> {
+    let sources = table.sources.iter().flatten();
+    let corrections = Corrections {
+        sources: sources.map(|path| CorrectionSource::File(folder.join(path))).collect(),
         base_position: table.base_position_m.map(|[x, y, z]| Ecef::new(x, y, z)),
-        ..Corrections::default()
+        options: estimator.differential(),
     };
-    if let Some(age_s) = table.maximum_age_s {
-        if !(0.0..=3_600.0).contains(&age_s) {
-            return Err(format!("[correction] maximum_age_s is {age_s}; it must lie between 0 and 3600"));
-        }
-        corrections.options.maximum_age_s = age_s;
-    }
-    let stray = table.base_position_m.is_some() || table.maximum_age_s.is_some();
+    // All keys may stand in a file with their usual values.
+    let usual_age_s = Estimator::preset(preset).correction.maximum_age_s;
+    let stray = table.base_position_m.is_some() || estimator.correction.maximum_age_s != usual_age_s;
     if stray && corrections.is_none() {
         return Err("[correction] base_position_m and maximum_age_s need sources".to_owned());
     }

@@ -15,7 +15,8 @@ use serde_json::Value;
 const DOCUMENT: &str = include_str!("../../docs/report.md");
 
 /// Objects whose keys are data: names of phones, reasons, verdicts.
-const BY_NAME: [&str; 11] = [
+const BY_NAME: [&str; 12] = [
+    "changed",
     "wls",
     "local",
     "joint",
@@ -48,7 +49,8 @@ fn keys(name: &str, value: &Value, found: &mut BTreeSet<String>) {
 
 /// Of a small session, simulated.
 fn report() -> Report {
-    let plan = demo::plan(Scenario { duration_s: 20.0, ..Scenario::default() }).unwrap();
+    let mut plan = demo::plan(Scenario { duration_s: 20.0, ..Scenario::default() }).unwrap();
+    plan.settings.estimator.filter.maximum_gap_s = 4.0;
     replay(&plan, &ReplayOptions::default(), &Stop::default()).unwrap().report
 }
 
@@ -66,8 +68,17 @@ fn every_key_of_a_report_is_documented() {
     let value: Value = serde_json::from_str(&report.json().unwrap()).unwrap();
     let mut found = BTreeSet::new();
     keys("the report", &value, &mut found);
-    for key in ["sha256", "severity", "from_gps", "maximum_m", "first", "shift_s", "vertical_p95_m", "median"]
-    {
+    for key in [
+        "sha256",
+        "severity",
+        "from_gps",
+        "maximum_m",
+        "first",
+        "shift_s",
+        "vertical_p95_m",
+        "median",
+        "changed",
+    ] {
         assert!(found.contains(key), "{key} is not in the report that is looked at: {found:?}");
     }
     let missing: Vec<&String> = found.iter().filter(|key| !DOCUMENT.contains(&format!("`{key}`"))).collect();

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use cofix_agent::{AgentConfig, AgentError, AgentReport, ProductSource, Stop, link};
-use cofix_common::fusion::align::{AlignOptions, Aligner};
+use cofix_common::fusion::align::Aligner;
 use cofix_common::fusion::engine::Engine;
 use cofix_common::simulation::{PhoneOptions, Scenario};
 use cofix_hub::group::{Course, Group, Parts};
@@ -70,8 +70,8 @@ impl Hub {
         let truths = plan.phones.iter().map(|phone| (phone.name.clone(), phone.truth.clone())).collect();
         let scores = Scores::new(truths, plan.truth_quality.clone());
         let aligner = match course {
-            Course::Replay => Aligner::new(phones.len(), AlignOptions::default()),
-            Course::Live { .. } => Aligner::live(phones.len(), AlignOptions::default()),
+            Course::Replay => Aligner::new(phones.len(), plan.settings.estimator.align()),
+            Course::Live { .. } => Aligner::live(phones.len(), plan.settings.estimator.align()),
         };
         let mut group = Group::new(Parts {
             name: plan.group.clone(),

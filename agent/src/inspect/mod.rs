@@ -15,6 +15,7 @@ use std::path::Path;
 use cofix_common::formats::decode::Record;
 use cofix_common::gnss::{EpochFlag, ObservationEpoch};
 use cofix_common::measurement::CorrectionOptions;
+use cofix_common::pipeline::PipelineOptions;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use serde::Serialize;
@@ -100,8 +101,8 @@ pub struct InspectOptions {
     pub reading: Reading,
     /// Orbits and the rest, if any.
     pub products: ProductSource,
-    /// Masks and models of corrections, where there are orbits.
-    pub correction: CorrectionOptions,
+    /// How it is processed, where there are orbits.
+    pub pipeline: PipelineOptions,
 }
 
 /// What is in a file of either kind.
@@ -166,7 +167,7 @@ pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Ins
     let Reading { near, log } = options.reading.clone();
     let reading = &Reading { near: near.or(loaded.near), log };
     let mut records = source::open_file(path, reading)?;
-    let mut tally = Tally::new(&options.correction);
+    let mut tally = Tally::new(&options.pipeline.correction);
     let mut navigation = OwnNavigation::default();
     while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
         if let Record::Event(event) = &record {
@@ -194,7 +195,7 @@ pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Ins
         return Ok(inspection);
     }
     navigation.add_to(&mut products);
-    let running = trial::Running::new(products, options.correction.clone());
+    let running = trial::Running::new(products, options.pipeline.clone());
     Ok(Inspection { trial: Some(trial(path, reading, running, stop)?), ..inspection })
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::integrity::Verdict;
-use cofix_common::measurement::{CorrectionOptions, Usage};
+use cofix_common::measurement::Usage;
 use cofix_common::orbit::Products;
 use cofix_common::skips::Skips;
 use serde::Serialize;
@@ -44,8 +44,7 @@ pub(super) struct Running {
 }
 
 impl Running {
-    pub(super) fn new(products: Arc<Products>, correction: CorrectionOptions) -> Self {
-        let options = PipelineOptions { correction, ..PipelineOptions::default() };
+    pub(super) fn new(products: Arc<Products>, options: PipelineOptions) -> Self {
         let pipeline = PhonePipeline::new("trial", Arc::clone(&products), options);
         Self {
             products,

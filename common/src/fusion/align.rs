@@ -78,13 +78,6 @@ pub struct AlignOptions {
     pub maximum_wait: Duration,
 }
 
-impl AlignOptions {
-    /// Live: the group waits for a phone for `latency`.
-    pub fn with_latency(latency: Duration) -> Self {
-        Self { maximum_wait: latency, ..Self::default() }
-    }
-}
-
 impl Default for AlignOptions {
     fn default() -> Self {
         Self {

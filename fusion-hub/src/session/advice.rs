@@ -2,11 +2,14 @@
 
 use serde::de::DeserializeOwned;
 
-use cofix_common::constraint::Constraint;
-
 use super::constraint::ConstraintEntry;
-use super::text::{CorrectionTable, EvaluationTable, FilterTable, PhoneEntry, ProductsTable, SessionFile};
+use super::text::{EvaluationTable, PhoneEntry, ProductsTable, SessionFile};
 use cofix_agent::masks::{LogOptions, Masks};
+use cofix_common::constraint::Constraint;
+use cofix_common::settings::{
+    AlignmentKeys, BaseKeys, CodeVarianceKeys, ConstraintKeys, CorrectionKeys, FilterKeys, IntegrityKeys,
+    RateVarianceKeys, StochasticKeys,
+};
 
 /// Names at least so similar (Jaro-Winkler, 0 to 1) are taken for typing errors.
 const SIMILAR: f64 = 0.75;
@@ -19,6 +22,9 @@ const LISTS_OF_TABLES: [&str; 2] = ["phone", "constraint"];
 /// Advice on what the TOML parser says of `text`, if there is any.
 pub(super) fn advice(error: &toml::de::Error, text: &str) -> Option<String> {
     let message = error.message();
+    if let Some(advice) = on_doubled_brackets(text) {
+        return Some(advice);
+    }
     if let Some(key) = quoted_after(message, "unknown field ") {
         return on_unknown_key(key, message);
     }
@@ -43,6 +49,24 @@ pub(super) fn advice(error: &toml::de::Error, text: &str) -> Option<String> {
         return place.on_type(message);
     }
     place.on_syntax()
+}
+
+/// Two brackets around the name of a table of which there is one.
+fn on_doubled_brackets(text: &str) -> Option<String> {
+    let doubled = |line: &str| {
+        let name = line.trim().strip_prefix("[[")?.split("]]").next()?.trim().to_owned();
+        let table = name.split('.').next()?;
+        let is_single =
+            !LISTS_OF_TABLES.contains(&table) && keys::<SessionFile>().iter().any(|key| key == table);
+        is_single.then_some(name)
+    };
+    let name = text.lines().find_map(doubled)?;
+    Some(if name == "constraints" {
+        "write [[constraint]] for what is known of phones; the table [constraints] says how constraints act"
+            .to_owned()
+    } else {
+        format!("write [{name}], with one bracket: there is one")
+    })
 }
 
 /// Where the parser stopped.
@@ -174,8 +198,15 @@ fn tables() -> Vec<(String, Vec<String>)> {
         (in_table("[[phone]]"), keys::<PhoneEntry>()),
         (in_table("[[constraint]]"), keys::<ConstraintEntry>()),
         (in_table("[evaluation]"), keys::<EvaluationTable>()),
-        (in_table("[filter]"), keys::<FilterTable>()),
-        (in_table("[correction]"), keys::<CorrectionTable>()),
+        (in_table("[correction]"), keys::<CorrectionKeys>()),
+        (in_table("[correction.base]"), keys::<BaseKeys>()),
+        (in_table("[stochastic]"), keys::<StochasticKeys>()),
+        (in_table("[stochastic.code]"), keys::<CodeVarianceKeys>()),
+        (in_table("[stochastic.rate]"), keys::<RateVarianceKeys>()),
+        (in_table("[integrity]"), keys::<IntegrityKeys>()),
+        (in_table("[filter]"), keys::<FilterKeys>()),
+        (in_table("[constraints]"), keys::<ConstraintKeys>()),
+        (in_table("[alignment]"), keys::<AlignmentKeys>()),
         (in_table("[masks]"), keys::<Masks>()),
         (in_table("[log]"), keys::<LogOptions>()),
     ]
@@ -242,6 +273,17 @@ mod tests {
             (with("[products]\nnav = []"), "did you mean `navigation`?"),
             (with("[mask]\nelevation_deg = 5"), "did you mean `masks`?"),
             (with("[filter]\npreset = 'Peng2023'"), "did you mean `peng2023`?"),
+            (with("[filter]\nmax_gap_s = 3"), "did you mean `maximum_gap_s`?"),
+            (with("[filter]\nmaximum_gap_s = '3'"), "without quotes: maximum_gap_s = 3"),
+            (with("[constraints]\nfeedback = 1"), "feedback = true or feedback = false"),
+            (with("[filter]\nhorizon_s = 1"), "`horizon_s` belongs in the table [constraints]"),
+            (
+                with("[correction]\noutlier_sigmas = 4"),
+                "`outlier_sigmas` belongs in the table [correction.base]",
+            ),
+            (with("[constraints]\nmaximum_m = 2.0"), "`maximum_m` belongs in the table [[constraint]]"),
+            (with("[[stochastic.code]]\nmodel = 'cn0'"), "write [stochastic.code], with one bracket"),
+            (with("[[constraints]]\nkind = 'distance'"), "write [[constraint]] for what is known of phones"),
             (with("sp3 = ['a.sp3']"), "`sp3` belongs in the table [products]"),
             (with("preset = 'peng2023'"), "`preset` belongs in the table [filter]"),
             (with("[masks]\ntruth_quality = [1]"), "`truth_quality` belongs in the table [evaluation]"),

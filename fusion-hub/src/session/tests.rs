@@ -1,5 +1,5 @@
-use cofix_common::constraint::{Constraint, Distance, Heading, VerticalVelocity};
-use cofix_common::measurement::Ionosphere;
+use cofix_common::constraint::{Constraint, Distance, DistanceModel, Heading, VerticalVelocity};
+use cofix_common::measurement::{Ionosphere, VarianceModel};
 use cofix_common::time::GpsTime;
 
 use super::*;
@@ -100,7 +100,7 @@ fn corrections_are_chosen_by_phone_and_session() {
     let text = "group = 'g'\n[[phone]]\nname = 'a'\nrecorded_corrections = true\n[[phone]]\nname = 'b'\n\
                 [correction]\nionosphere = 'pair-only'";
     let session = parse(text).unwrap();
-    assert_eq!(session.settings.ionosphere, Ionosphere::PairOnly);
+    assert_eq!(session.settings.estimator.correction.ionosphere, Ionosphere::PairOnly);
     assert_eq!(
         session.phones.iter().map(|phone| phone.recorded_corrections).collect::<Vec<_>>(),
         [true, false]
@@ -129,12 +129,54 @@ fn bases_and_masks_are_read_and_refused() {
     for (text, said) in [
         ("[correction]\nmaximum_age_s = 30", "need sources"),
         ("[correction]\nsources = ['a']\nmaximum_age_s = -1", "maximum_age_s is -1"),
-        ("[masks]\nelevation_deg = 91", "[masks]"),
-        ("[log]\nbias_uncertainty_ns = -1", "[log]"),
+        ("[masks]\nelevation_deg = 91", "line 5: [masks] elevation_deg"),
+        ("[log]\n\nbias_uncertainty_ns = -1", "line 6: [log] bias_uncertainty_ns"),
         ("[log]\nkeep = true", "keep"),
     ] {
         let refused = refusal(&format!("{phone}{text}"));
         assert!(refused.contains(said), "expected '{said}' in: {refused}");
+    }
+}
+
+#[test]
+fn settings_override_their_preset_wherever_they_act() {
+    let text = "group = 'g'\n[[phone]]\nname = 'a'\n[filter]\npreset = 'peng2023'\nmaximum_gap_s = 3\n\
+                [stochastic]\nrate = { noise_m2ps2 = 99.0 }\n[integrity]\nmaximum_exclusions = 2\n\
+                [constraints]\ndistance_model = 'box'\n[alignment]\ntolerance_s = 0.1\n\
+                [correction]\nsources = ['b']\n[correction.base]\nother_code_sigma_m = 3.0";
+    let session = parse(text).unwrap();
+    let (pipeline, engine) = session.settings.options().unwrap();
+    let (peng_pipeline, peng_engine) = (PipelineOptions::peng2023(), EngineOptions::peng2023());
+    assert_eq!(pipeline.filter, engine.filter);
+    assert_eq!(engine.filter.process, peng_engine.filter.process);
+    assert_eq!((engine.filter.maximum_gap_s, pipeline.raim.maximum_exclusions), (3.0, 2));
+    assert_eq!(pipeline.correction.stochastic.code, peng_pipeline.correction.stochastic.code);
+    let VarianceModel::Cn0 { a: 0.01, b: 99.0 } = pipeline.correction.stochastic.rate else {
+        panic!("{:?}", pipeline.correction.stochastic)
+    };
+    assert_eq!(engine.constraints.distance_model, DistanceModel::Box);
+    assert_eq!(engine.constraints.method, peng_engine.constraints.method);
+    assert_eq!(session.settings.estimator.align().tolerance_s, 0.1);
+    assert_eq!(session.settings.corrections.options.other_code_sigma_m, 3.0);
+    let outside = refusal("group = 'g'\n[[phone]]\nname = 'a'\n[filter]\nmaximum_gap_s = 1e9");
+    let said =
+        "session.toml: line 5: [filter] maximum_gap_s is 1000000000.0; it must lie within 0.1 to 3600 [s]";
+    assert!(outside.ends_with(said), "{outside}");
+}
+
+/// What `cofix-hub settings` prints, put into a session, changes nothing.
+#[test]
+fn all_that_is_printed_may_stand_in_a_session() {
+    for preset in [Preset::Default, Preset::Peng2023] {
+        let printed = cofix_agent::settings::document(preset);
+        let session = parse(&format!("group = 'g'\n[[phone]]\nname = 'a'\n{printed}")).unwrap();
+        let usual =
+            parse(&format!("group = 'g'\n[[phone]]\nname = 'a'\n[filter]\npreset = '{}'", preset.name()));
+        let usual = usual.unwrap().settings;
+        assert_eq!(session.settings.estimator, usual.estimator);
+        assert_eq!((session.settings.preset, &session.settings.corrections), (preset, &usual.corrections));
+        let correction = |settings: &Settings| settings.options().unwrap().0.correction;
+        assert_eq!(correction(&session.settings), correction(&usual));
     }
 }
 
@@ -161,7 +203,7 @@ fn a_minimal_file_has_defaults() {
     assert_eq!(session.truth_quality, [1]);
     assert_eq!(session.products, ProductFiles::default());
     assert_eq!(session.settings.preset, Preset::Peng2023);
-    assert_eq!(session.settings.ionosphere, Ionosphere::Model);
+    assert_eq!(session.settings.estimator.correction.ionosphere, Ionosphere::Model);
     assert!(!session.phones[0].recorded_corrections);
     assert!(session.constraints.is_empty());
 }
@@ -176,7 +218,9 @@ fn unknown_keys_are_named_wherever_they_are() {
         ("maximum", format!("group = 'g'\n{phones}[[constraint]]\nkind = 'distance'\nmaximum = 2.0")),
         ("truth_qualities", format!("group = 'g'\n{phones}[evaluation]\ntruth_qualities = [1]")),
         ("presets", format!("group = 'g'\n{phones}[filter]\npresets = 'default'")),
-        ("constraints", format!("group = 'g'\n{phones}[[constraints]]\nkind = 'distance'")),
+        ("constrains", format!("group = 'g'\n{phones}[[constrains]]\nkind = 'distance'")),
+        ("code_scale", format!("group = 'g'\n{phones}[filter]\ncode_scale = 1.0")),
+        ("zenith", format!("group = 'g'\n{phones}[stochastic.code]\nzenith = 1.0")),
         (
             "course_deg",
             format!("group = 'g'\n{phones}[[constraint]]\nkind='distance'\nmaximum_m=2\ncourse_deg=1"),

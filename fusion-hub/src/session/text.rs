@@ -3,8 +3,11 @@
 use std::path::PathBuf;
 
 use cofix_agent::masks::{LogOptions, Masks};
-use cofix_common::measurement::{Exclusion, Ionosphere};
-use serde::{Deserialize, Serialize};
+use cofix_common::measurement::Exclusion;
+use cofix_common::settings::{
+    AlignmentKeys, ConstraintKeys, CorrectionKeys, FilterKeys, IntegrityKeys, SettingsKeys, StochasticKeys,
+};
+use serde::Deserialize;
 
 use super::constraint::ConstraintEntry;
 
@@ -21,13 +24,35 @@ pub(super) struct SessionFile {
     #[serde(default)]
     pub evaluation: EvaluationTable,
     #[serde(default)]
-    pub filter: FilterTable,
+    pub correction: CorrectionKeys,
     #[serde(default)]
-    pub correction: CorrectionTable,
+    pub stochastic: StochasticKeys,
+    #[serde(default)]
+    pub integrity: IntegrityKeys,
+    #[serde(default)]
+    pub filter: FilterKeys,
+    #[serde(default)]
+    pub constraints: ConstraintKeys,
+    #[serde(default)]
+    pub alignment: AlignmentKeys,
     #[serde(default)]
     pub masks: Masks,
     #[serde(default)]
     pub log: LogOptions,
+}
+
+impl SessionFile {
+    /// What it gives of the settings tree.
+    pub(super) fn settings(&self) -> SettingsKeys {
+        SettingsKeys {
+            correction: self.correction.clone(),
+            stochastic: self.stochastic.clone(),
+            integrity: self.integrity.clone(),
+            filter: self.filter.clone(),
+            constraints: self.constraints.clone(),
+            alignment: self.alignment.clone(),
+        }
+    }
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -74,33 +99,4 @@ impl Default for EvaluationTable {
 
 fn fixed_only() -> Vec<u8> {
     vec![1]
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct FilterTable {
-    #[serde(default)]
-    pub preset: Preset,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct CorrectionTable {
-    #[serde(default)]
-    pub ionosphere: Ionosphere,
-    #[serde(default)]
-    pub sources: Vec<PathBuf>,
-    pub base_position_m: Option<[f64; 3]>,
-    pub maximum_age_s: Option<f64>,
-}
-
-/// Settings of the filter that have a name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Preset {
-    /// Ours, tuned on real drives.
-    #[default]
-    Default,
-    /// The values printed in Peng 2023, section 4.
-    Peng2023,
 }

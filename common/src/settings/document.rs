@@ -1,0 +1,65 @@
+//! The tree as commented TOML.
+
+use std::fmt;
+
+use super::table::{Entry, Word, words_of};
+use super::tables::{Preset, Settings};
+
+/// Settings as TOML, each key with its unit, its range and its meaning in a comment before it.
+#[derive(Clone, Debug, Default)]
+pub struct Document {
+    text: String,
+    table: String,
+}
+
+impl Document {
+    /// Adds a key, and its table's head where the table is another than before.
+    pub fn add(&mut self, entry: &Entry) {
+        let Entry { table, about, key, meaning, unit, range, value, .. } = entry;
+        if *table != self.table {
+            let gap = if self.text.is_empty() { "" } else { "\n" };
+            self.text.push_str(&format!("{gap}# {about}\n[{table}]\n"));
+            self.table.clone_from(table);
+        }
+        let range =
+            if matches!(*unit, "word" | "switch") { range.clone() } else { format!("{unit}; {range}") };
+        self.text.push_str(&format!("# [{range}] {meaning}\n"));
+        self.text.push_str(&match value {
+            Some(value) => format!("{key} = {value}\n"),
+            None => format!("# {key} is not used here\n"),
+        });
+    }
+}
+
+impl fmt::Display for Document {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Settings {
+    /// All keys as TOML that a file may have; `preset` is the one that the file names.
+    pub fn document(&self, preset: Preset) -> Document {
+        let mut document = Document::default();
+        for entry in self.entries() {
+            if entry.table == "filter" && document.table != "filter" {
+                document.add(&preset_entry(&entry, preset));
+            }
+            document.add(&entry);
+        }
+        document
+    }
+}
+
+/// The key of the preset, beside `first` in its table.
+fn preset_entry(first: &Entry, preset: Preset) -> Entry {
+    Entry {
+        key: "preset",
+        meaning: "The values of all keys, of all tables, that a file leaves out.".to_owned(),
+        unit: "word",
+        range: words_of::<Preset>(),
+        value: Some(toml::Value::String(preset.word().to_owned())),
+        is_within: true,
+        ..first.clone()
+    }
+}

@@ -1,0 +1,343 @@
+//! Settings to the options of the parts, and back for the presets. Every option is named, so that one that is added to a part and not to
+//! the settings does not compile.
+
+use std::time::Duration;
+
+use super::tables::{
+    AlignmentSettings, BaseSettings, CodeVariance, Combination, ConstraintSettings, CorrectionSettings,
+    DistanceForm, FilterSettings, IntegritySettings, Preset, RateVariance, Settings, StochasticSettings,
+    VarianceForm, Widening,
+};
+use crate::constraint::{ConstraintOptions, DistanceModel, Enlargement, HeadingGate, Method};
+use crate::filter::{FilterOptions, ProcessNoise, RobustWeights};
+use crate::fusion::align::AlignOptions;
+use crate::fusion::engine::EngineOptions;
+use crate::integrity::{DopLimits, RaimOptions};
+use crate::measurement::{
+    CorrectionOptions, DifferentialOptions, StochasticModel, Uncorrected, VarianceModel,
+};
+use crate::pipeline::PipelineOptions;
+use crate::statistics::ChiSquareThresholds;
+
+/// Stands for the standard deviation of uncorrected signals where they are dropped, m.
+const UNCORRECTED_SIGMA_M: f64 = 5.0;
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self::of(&PipelineOptions::default(), &EngineOptions::default())
+    }
+}
+
+impl Settings {
+    /// The values printed in Peng 2023, section 4; integrity, alignment and corrections as by default.
+    pub fn peng2023() -> Self {
+        Self::of(&PipelineOptions::peng2023(), &EngineOptions::peng2023())
+    }
+
+    /// The settings of that name.
+    pub fn preset(preset: Preset) -> Self {
+        match preset {
+            Preset::Default => Self::default(),
+            Preset::Peng2023 => Self::peng2023(),
+        }
+    }
+
+    /// What the pipeline of a phone is told. Masks, and whether a recording's own corrections are taken, are set elsewhere.
+    pub fn pipeline(&self) -> PipelineOptions {
+        PipelineOptions {
+            correction: self.correction_options(),
+            raim: self.integrity.options(),
+            filter: self.filter.options(),
+            recorded_corrections: false,
+        }
+    }
+
+    /// What the joint estimator is told.
+    pub fn engine(&self) -> EngineOptions {
+        EngineOptions {
+            filter: self.filter.options(),
+            constraints: self.constraints.options(),
+            feedback: self.constraints.feedback,
+        }
+    }
+
+    /// How corrections of base stations are applied.
+    pub fn differential(&self) -> DifferentialOptions {
+        let CorrectionSettings { maximum_age_s, base, .. } = self.correction;
+        DifferentialOptions {
+            maximum_age_s,
+            base_code: base.code.model(),
+            age_sigma_mps: base.age_sigma_mps,
+            distance_sigma: base.distance_sigma_mpm,
+            other_code_sigma_m: base.other_code_sigma_m,
+            uncorrected: if base.keep_uncorrected {
+                Uncorrected::Kept { sigma_m: base.uncorrected_sigma_m }
+            } else {
+                Uncorrected::Dropped
+            },
+            outlier_sigmas: base.outlier_sigmas,
+        }
+    }
+
+    /// How epochs are brought together.
+    pub fn align(&self) -> AlignOptions {
+        let AlignmentSettings { tolerance_s, simultaneous_s, maximum_step_s, maximum_wait_s } =
+            self.alignment;
+        // Times beyond what a duration holds are outside of the range; see `Settings::check`.
+        let maximum_wait = Duration::try_from_secs_f64(maximum_wait_s).unwrap_or(Duration::MAX);
+        AlignOptions { tolerance_s, simultaneous_s, maximum_step_s, maximum_wait }
+    }
+
+    fn correction_options(&self) -> CorrectionOptions {
+        let masks = CorrectionOptions::default();
+        let correction = &self.correction;
+        CorrectionOptions {
+            elevation_mask_rad: masks.elevation_mask_rad,
+            stated_elevation_mask_rad: correction.stated_elevation_deg.to_radians(),
+            ionosphere: correction.ionosphere,
+            minimum_cn0_dbhz: masks.minimum_cn0_dbhz,
+            exclude: masks.exclude,
+            stochastic: StochasticModel {
+                code: self.stochastic.code.model(),
+                rate: self.stochastic.rate.model(),
+            },
+            unknown_group_delay_sigma_m: correction.unknown_group_delay_sigma_m,
+            beidou_bias_sigma_m: correction.beidou_bias_sigma_m,
+            glonass_bias_sigma_m: correction.glonass_bias_sigma_m,
+            relative_humidity: correction.relative_humidity,
+        }
+    }
+
+    fn of(pipeline: &PipelineOptions, engine: &EngineOptions) -> Self {
+        let stochastic = &pipeline.correction.stochastic;
+        Self {
+            correction: CorrectionSettings::of(&pipeline.correction, &DifferentialOptions::default()),
+            stochastic: StochasticSettings {
+                code: CodeVariance::of(stochastic.code),
+                rate: RateVariance::of(stochastic.rate),
+            },
+            integrity: IntegritySettings::of(&pipeline.raim),
+            filter: FilterSettings::of(&engine.filter),
+            constraints: ConstraintSettings::of(&engine.constraints, engine.feedback),
+            alignment: AlignmentSettings::of(AlignOptions::default()),
+        }
+    }
+}
+
+impl CorrectionSettings {
+    fn of(options: &CorrectionOptions, differential: &DifferentialOptions) -> Self {
+        Self {
+            ionosphere: options.ionosphere,
+            unknown_group_delay_sigma_m: options.unknown_group_delay_sigma_m,
+            beidou_bias_sigma_m: options.beidou_bias_sigma_m,
+            glonass_bias_sigma_m: options.glonass_bias_sigma_m,
+            relative_humidity: options.relative_humidity,
+            stated_elevation_deg: options.stated_elevation_mask_rad.to_degrees(),
+            maximum_age_s: differential.maximum_age_s,
+            base: BaseSettings::of(differential),
+        }
+    }
+}
+
+impl BaseSettings {
+    const fn of(options: &DifferentialOptions) -> Self {
+        let (keep_uncorrected, uncorrected_sigma_m) = match options.uncorrected {
+            Uncorrected::Kept { sigma_m } => (true, sigma_m),
+            Uncorrected::Dropped => (false, UNCORRECTED_SIGMA_M),
+        };
+        Self {
+            age_sigma_mps: options.age_sigma_mps,
+            distance_sigma_mpm: options.distance_sigma,
+            other_code_sigma_m: options.other_code_sigma_m,
+            keep_uncorrected,
+            uncorrected_sigma_m,
+            outlier_sigmas: options.outlier_sigmas,
+            code: CodeVariance::of(options.base_code),
+        }
+    }
+}
+
+/// Form, floor, noise, ura and zenith of a model.
+const fn terms(model: VarianceModel) -> (VarianceForm, [Option<f64>; 4]) {
+    match model {
+        VarianceModel::Cn0 { a, b } => (VarianceForm::Cn0, [Some(a), Some(b), None, None]),
+        VarianceModel::Elevation { ura, zenith } => {
+            (VarianceForm::Elevation, [None, None, Some(ura), Some(zenith)])
+        }
+        VarianceModel::Sum { a, b, zenith } => (VarianceForm::Sum, [Some(a), Some(b), None, Some(zenith)]),
+        VarianceModel::Product { a, b } => (VarianceForm::Product, [Some(a), Some(b), None, None]),
+    }
+}
+
+/// The model of [`terms`]. A value that is missing counts as 0; `Settings::check` refuses that.
+fn model(form: VarianceForm, terms: [Option<f64>; 4]) -> VarianceModel {
+    let [a, b, ura, zenith] = terms.map(Option::unwrap_or_default);
+    match form {
+        VarianceForm::Cn0 => VarianceModel::Cn0 { a, b },
+        VarianceForm::Elevation => VarianceModel::Elevation { ura, zenith },
+        VarianceForm::Sum => VarianceModel::Sum { a, b, zenith },
+        VarianceForm::Product => VarianceModel::Product { a, b },
+    }
+}
+
+impl CodeVariance {
+    const fn of(model: VarianceModel) -> Self {
+        let (model, [floor_m2, noise_m2, ura_m, zenith_m]) = terms(model);
+        Self { model, floor_m2, noise_m2, ura_m, zenith_m }
+    }
+
+    fn model(&self) -> VarianceModel {
+        model(self.model, [self.floor_m2, self.noise_m2, self.ura_m, self.zenith_m])
+    }
+}
+
+impl RateVariance {
+    const fn of(model: VarianceModel) -> Self {
+        let (model, [floor_m2ps2, noise_m2ps2, ura_mps, zenith_mps]) = terms(model);
+        Self { model, floor_m2ps2, noise_m2ps2, ura_mps, zenith_mps }
+    }
+
+    fn model(&self) -> VarianceModel {
+        model(self.model, [self.floor_m2ps2, self.noise_m2ps2, self.ura_mps, self.zenith_mps])
+    }
+}
+
+impl IntegritySettings {
+    fn of(options: &RaimOptions) -> Self {
+        let DopLimits { pdop, hdop, vdop } = options.dop_limits;
+        Self {
+            global_false_alarm: options.global.false_alarm_probability(),
+            local_false_alarm: options.local_false_alarm,
+            separability: options.separability,
+            maximum_exclusions: u32::try_from(options.maximum_exclusions).unwrap_or(u32::MAX),
+            maximum_pdop: pdop,
+            maximum_hdop: hdop,
+            maximum_vdop: vdop,
+        }
+    }
+
+    fn options(&self) -> RaimOptions {
+        RaimOptions {
+            global: ChiSquareThresholds::new(self.global_false_alarm),
+            local_false_alarm: self.local_false_alarm,
+            separability: self.separability,
+            maximum_exclusions: self.maximum_exclusions as usize,
+            dop_limits: DopLimits {
+                pdop: self.maximum_pdop,
+                hdop: self.maximum_hdop,
+                vdop: self.maximum_vdop,
+            },
+        }
+    }
+}
+
+impl FilterSettings {
+    const fn of(options: &FilterOptions) -> Self {
+        let ProcessNoise { horizontal_m2ps5, vertical_m2ps5, acceleration_time_s } = options.process;
+        let RobustWeights { keep, reject } = options.robust;
+        Self {
+            horizontal_jerk_m2ps5: horizontal_m2ps5,
+            vertical_jerk_m2ps5: vertical_m2ps5,
+            acceleration_time_s,
+            code_sigma_scale: options.code_sigma_scale,
+            rate_sigma_scale: options.rate_sigma_scale,
+            robust_keep_sigmas: keep,
+            robust_reject_sigmas: reject,
+            maximum_gap_s: options.maximum_gap_s,
+        }
+    }
+
+    const fn options(&self) -> FilterOptions {
+        FilterOptions {
+            process: ProcessNoise {
+                horizontal_m2ps5: self.horizontal_jerk_m2ps5,
+                vertical_m2ps5: self.vertical_jerk_m2ps5,
+                acceleration_time_s: self.acceleration_time_s,
+            },
+            code_sigma_scale: self.code_sigma_scale,
+            rate_sigma_scale: self.rate_sigma_scale,
+            robust: RobustWeights { keep: self.robust_keep_sigmas, reject: self.robust_reject_sigmas },
+            maximum_gap_s: self.maximum_gap_s,
+        }
+    }
+}
+
+impl ConstraintSettings {
+    const fn of(options: &ConstraintOptions, feedback: bool) -> Self {
+        let (method, maximum_sweeps, damping) = match options.method {
+            Method::Sequential { max_sweeps } => (Combination::Sequential, max_sweeps, None),
+            Method::ExpectationPropagation { max_sweeps, damping } => {
+                (Combination::ExpectationPropagation, max_sweeps, Some(damping))
+            }
+        };
+        let (enlargement, confidence, factor, times) = match options.enlargement {
+            Enlargement::Fixed => (Widening::Fixed, None, None, None),
+            Enlargement::Peng { confidence, factor, max_iterations } => {
+                (Widening::Peng, Some(confidence), Some(factor), Some(max_iterations))
+            }
+        };
+        Self {
+            method,
+            maximum_sweeps,
+            damping,
+            enlargement,
+            enlargement_confidence: confidence,
+            enlargement_factor: factor,
+            maximum_enlargements: times,
+            act_when_inside: options.act_when_inside,
+            distance_model: match options.distance_model {
+                DistanceModel::Radial => DistanceForm::Radial,
+                DistanceModel::Box => DistanceForm::Box,
+            },
+            horizon_s: options.horizon_s,
+            heading_minimum_speed_mps: options.heading_gate.minimum_speed_mps,
+            heading_minimum_sigmas: options.heading_gate.minimum_sigmas,
+            contradiction_sigmas: options.contradiction_sigmas,
+            maximum_relinearisations: options.max_relinearisations,
+            feedback,
+        }
+    }
+
+    fn options(&self) -> ConstraintOptions {
+        let max_sweeps = self.maximum_sweeps;
+        ConstraintOptions {
+            method: match self.method {
+                Combination::Sequential => Method::Sequential { max_sweeps },
+                Combination::ExpectationPropagation => {
+                    Method::ExpectationPropagation { max_sweeps, damping: self.damping.unwrap_or_default() }
+                }
+            },
+            enlargement: self.enlargement_options(),
+            act_when_inside: self.act_when_inside,
+            distance_model: match self.distance_model {
+                DistanceForm::Radial => DistanceModel::Radial,
+                DistanceForm::Box => DistanceModel::Box,
+            },
+            horizon_s: self.horizon_s,
+            heading_gate: HeadingGate {
+                minimum_speed_mps: self.heading_minimum_speed_mps,
+                minimum_sigmas: self.heading_minimum_sigmas,
+            },
+            contradiction_sigmas: self.contradiction_sigmas,
+            max_relinearisations: self.maximum_relinearisations,
+        }
+    }
+
+    fn enlargement_options(&self) -> Enlargement {
+        let values = (self.enlargement_confidence, self.enlargement_factor, self.maximum_enlargements);
+        match (self.enlargement, values) {
+            (Widening::Peng, (Some(confidence), Some(factor), Some(max_iterations))) => {
+                Enlargement::Peng { confidence, factor, max_iterations }
+            }
+            // What is incomplete is refused by `Settings::check`.
+            (Widening::Peng | Widening::Fixed, _) => Enlargement::Fixed,
+        }
+    }
+}
+
+impl AlignmentSettings {
+    const fn of(options: AlignOptions) -> Self {
+        let AlignOptions { tolerance_s, simultaneous_s, maximum_step_s, maximum_wait } = options;
+        Self { tolerance_s, simultaneous_s, maximum_step_s, maximum_wait_s: maximum_wait.as_secs_f64() }
+    }
+}

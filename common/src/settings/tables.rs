@@ -1,0 +1,264 @@
+//! The tables with all their keys.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::table::{tables, words};
+use crate::measurement::Ionosphere;
+
+/// Settings that have a name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// Ours, tuned on real drives.
+    #[default]
+    Default,
+    /// The values printed in Peng 2023, section 4.
+    Peng2023,
+}
+
+/// The form of a variance model; see [`crate::measurement::VarianceModel`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum VarianceForm {
+    /// floor + noise·10^(−C/N0/10).
+    Cn0,
+    /// ura² + (zenith/sin e)².
+    Elevation,
+    /// floor + noise·10^(−C/N0/10) + (zenith/sin e)².
+    Sum,
+    /// (floor + noise·10^(−C/N0/10))/sin² e.
+    Product,
+}
+
+/// How several constraints are brought into one state; see [`crate::constraint::Method`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Combination {
+    /// All given all others, until nothing changes.
+    ExpectationPropagation,
+    /// One by one in the given order.
+    Sequential,
+}
+
+/// What a distance bounds; see [`crate::constraint::DistanceModel`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DistanceForm {
+    /// Three axes.
+    Box,
+    /// The line between the phones.
+    Radial,
+}
+
+/// What becomes of an interval that the state contradicts; see [`crate::constraint::Enlargement`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Widening {
+    /// It stays.
+    Fixed,
+    /// It is widened as by Algorithm 1 of Peng 2023.
+    Peng,
+}
+
+words! {
+    Preset { "default" => Self::Default, "peng2023" => Self::Peng2023 }
+    Ionosphere { "model" => Self::Model, "pair" => Self::Pair, "pair-only" => Self::PairOnly }
+    VarianceForm {
+        "cn0" => Self::Cn0, "elevation" => Self::Elevation, "sum" => Self::Sum, "product" => Self::Product,
+    }
+    Combination {
+        "expectation-propagation" => Self::ExpectationPropagation, "sequential" => Self::Sequential,
+    }
+    DistanceForm { "box" => Self::Box, "radial" => Self::Radial }
+    Widening { "fixed" => Self::Fixed, "peng" => Self::Peng }
+}
+
+tables! {
+    /// All settings.
+    Settings by SettingsKeys {
+        table /// From raw to corrected observations.
+        correction: CorrectionSettings, CorrectionKeys;
+        table /// How uncertain measurements are.
+        stochastic: StochasticSettings, StochasticKeys;
+        table /// The integrity tests of a phone's epochs.
+        integrity: IntegritySettings, IntegrityKeys;
+        table /// The phone's own filter and the joint one.
+        filter: FilterSettings, FilterKeys;
+        table /// How constraints act.
+        constraints: ConstraintSettings, ConstraintKeys;
+        table /// How epochs of different phones are brought together.
+        alignment: AlignmentSettings, AlignmentKeys;
+    }
+
+    /// From raw to corrected observations.
+    CorrectionSettings by CorrectionKeys {
+        /// What is done about the ionosphere: every signal with a modelled delay; the ionosphere-free pair of satellites with two bands,
+        /// the others modelled; or pairs and nothing else.
+        ionosphere: Ionosphere = ["word", ()];
+        /// Standard deviation that stands for a group delay which no product knows.
+        unknown_group_delay_sigma_m: f64 = ["m", 0.0..=1e3];
+        /// Standard deviation of the clocks and group delays of BeiDou satellites together.
+        beidou_bias_sigma_m: f64 = ["m", 0.0..=1e3];
+        /// Standard deviation of the biases between the frequency channels of GLONASS.
+        glonass_bias_sigma_m: f64 = ["m", 0.0..=1e3];
+        /// Relative humidity of the standard atmosphere: 0 is dry, 1 is saturated.
+        relative_humidity: f64 = ["no unit", 0.0..=1.0];
+        /// Elevation mask of satellites whose tropospheric delay the recording itself states; the mask of all others is elevation_deg in
+        /// the table masks.
+        stated_elevation_deg: f64 = ["degrees", 0.0..=90.0];
+        /// Age of a base station's correction up to which it is used.
+        maximum_age_s: f64 = ["s", 0.0..=3600.0];
+        table /// What a base station's corrections are worth.
+        base: BaseSettings, BaseKeys;
+        beside /// Recordings of base stations and of ephemerides.
+        sources: Vec<PathBuf>;
+        beside /// The base's antenna, ECEF, m.
+        base_position_m: [f64; 3];
+    }
+
+    /// What a base station's corrections are worth.
+    BaseSettings by BaseKeys {
+        /// Growth of a correction's standard deviation with its age.
+        age_sigma_mps: f64 = ["m/s", 0.0..=10.0];
+        /// Growth of a correction's standard deviation with the distance between base and phone, for a satellite at the zenith; more by
+        /// 1/sin(elevation) near the horizon.
+        distance_sigma_mpm: f64 = ["m/m", 0.0..=1e-2];
+        /// Standard deviation that is added where the base has another code on the same band.
+        other_code_sigma_m: f64 = ["m", 0.0..=1e3];
+        /// Whether signals without a correction stay in use beside others that have one.
+        keep_uncorrected: bool = ["switch", ()];
+        /// Standard deviation that is added to signals without a correction that stay in use.
+        uncorrected_sigma_m: f64 = ["m", 0.0..=1e3];
+        /// A base's signal that is more robust standard deviations than this from the others of its group is refused; inf refuses none.
+        outlier_sigmas: f64 = ["standard deviations", 1.0..=f64::INFINITY];
+        table /// Variance of the base's pseudoranges.
+        code: CodeVariance, CodeVarianceKeys;
+    }
+
+    /// How uncertain measurements are.
+    StochasticSettings by StochasticKeys {
+        table /// Variance of pseudoranges.
+        code: CodeVariance, CodeVarianceKeys;
+        table /// Variance of range rates.
+        rate: RateVariance, RateVarianceKeys;
+    }
+
+    /// Variance of pseudoranges by C/N0 (dB-Hz) and elevation e.
+    CodeVariance by CodeVarianceKeys {
+        /// Form of the variance: cn0 is floor + noise·10^(-C/N0/10), elevation is ura² + (zenith/sin e)², sum is
+        /// floor + noise·10^(-C/N0/10) + (zenith/sin e)², product is (floor + noise·10^(-C/N0/10))/sin² e.
+        model: VarianceForm = ["word", ()];
+        /// With the models cn0, sum and product: variance of a signal of any strength.
+        floor_m2: Option<f64> = ["m²", 0.0..=1e6];
+        /// With the models cn0, sum and product: factor of 10^(-C/N0/10).
+        noise_m2: Option<f64> = ["m²", 0.0..=1e9];
+        /// With the model elevation: standard deviation of orbit and clock.
+        ura_m: Option<f64> = ["m", 0.0..=1e3];
+        /// With the models elevation and sum: standard deviation at the zenith.
+        zenith_m: Option<f64> = ["m", 0.0..=1e3];
+    }
+
+    /// Variance of range rates by C/N0 (dB-Hz) and elevation e.
+    RateVariance by RateVarianceKeys {
+        /// Form of the variance: cn0 is floor + noise·10^(-C/N0/10), elevation is ura² + (zenith/sin e)², sum is
+        /// floor + noise·10^(-C/N0/10) + (zenith/sin e)², product is (floor + noise·10^(-C/N0/10))/sin² e.
+        model: VarianceForm = ["word", ()];
+        /// With the models cn0, sum and product: variance of a signal of any strength.
+        floor_m2ps2: Option<f64> = ["m²/s²", 0.0..=1e6];
+        /// With the models cn0, sum and product: factor of 10^(-C/N0/10).
+        noise_m2ps2: Option<f64> = ["m²/s²", 0.0..=1e9];
+        /// With the model elevation: standard deviation of orbit and clock.
+        ura_mps: Option<f64> = ["m/s", 0.0..=1e3];
+        /// With the models elevation and sum: standard deviation at the zenith.
+        zenith_mps: Option<f64> = ["m/s", 0.0..=1e3];
+    }
+
+    /// The integrity tests (RAIM) of a phone's epochs.
+    IntegritySettings by IntegrityKeys {
+        /// Probability with which the global test fails although nothing is wrong.
+        global_false_alarm: f64 = ["probability", 1e-12..=0.5];
+        /// Probability with which the local test of one measurement fails although nothing is wrong.
+        local_false_alarm: f64 = ["probability", 1e-12..=0.5];
+        /// Correlation of two residuals from which on neither is excluded, because it cannot be told which of the two is wrong.
+        separability: f64 = ["no unit", 0.0..=1.0];
+        /// Largest number of measurements that are excluded from one epoch.
+        maximum_exclusions: u32 = ["measurements", 0..=1000];
+        /// PDOP up to which a position is called reliable.
+        maximum_pdop: f64 = ["no unit", 1.0..=f64::INFINITY];
+        /// HDOP up to which a position is called reliable.
+        maximum_hdop: f64 = ["no unit", 1.0..=f64::INFINITY];
+        /// VDOP up to which a position is called reliable.
+        maximum_vdop: f64 = ["no unit", 1.0..=f64::INFINITY];
+    }
+
+    /// How phones move, and how measurements are weighed; of the phone's own filter and of the joint one.
+    FilterSettings by FilterKeys {
+        /// Spectral density of the horizontal jerk.
+        horizontal_jerk_m2ps5: f64 = ["m²/s⁵", 0.0..=1e6];
+        /// Spectral density of the vertical jerk.
+        vertical_jerk_m2ps5: f64 = ["m²/s⁵", 0.0..=1e6];
+        /// Time constant with which an acceleration decays; inf keeps it constant.
+        acceleration_time_s: f64 = ["s", 0.1..=f64::INFINITY];
+        /// Factor on the standard deviation of pseudoranges: multipath is correlated from epoch to epoch, and a filter that takes it for
+        /// white noise trusts it too much.
+        code_sigma_scale: f64 = ["no unit", 0.01..=100.0];
+        /// Factor on the standard deviation of range rates.
+        rate_sigma_scale: f64 = ["no unit", 0.01..=100.0];
+        /// Innovation up to which a measurement has its full weight; inf never weighs one down.
+        robust_keep_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
+        /// Innovation from which on a measurement has no weight; not below robust_keep_sigmas.
+        robust_reject_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
+        /// A phone that is silent for longer than this begins anew in the filter.
+        maximum_gap_s: f64 = ["s", 0.1..=3600.0];
+        beside /// The values that all keys have which a file leaves out.
+        preset: Preset;
+    }
+
+    /// How constraints act; the constraints themselves are the tables [[constraint]].
+    ConstraintSettings by ConstraintKeys {
+        /// How several constraints are brought into one state: each given all others until nothing changes, or one by one in their order.
+        method: Combination = ["word", ()];
+        /// Largest number of sweeps over the constraints in one epoch.
+        maximum_sweeps: u32 = ["sweeps", 1..=1000];
+        /// With the method expectation-propagation: part of a constraint's former effect that is kept at its refresh.
+        damping: Option<f64> = ["no unit", 0.0..=0.99];
+        /// What becomes of an interval that the state contradicts: it stays, or it is widened as by Algorithm 1 of Peng 2023.
+        enlargement: Widening = ["word", ()];
+        /// With the enlargement peng: an interval is widened while its probability is below 1 less this.
+        enlargement_confidence: Option<f64> = ["probability", 0.001..=0.999];
+        /// With the enlargement peng: factor by which an interval is widened each time.
+        enlargement_factor: Option<f64> = ["no unit", 1.01..=100.0];
+        /// With the enlargement peng: largest number of times that an interval is widened.
+        maximum_enlargements: Option<u32> = ["times", 1..=1000];
+        /// Whether a constraint acts on a state whose mean is within its bounds already, for its tails are not.
+        act_when_inside: bool = ["switch", ()];
+        /// What a distance bounds: the difference of two phones on three axes, or only on the line between them.
+        distance_model: DistanceForm = ["word", ()];
+        /// Time over which velocity constraints look ahead with the acceleration; 0 constrains the velocity itself.
+        horizon_s: f64 = ["s", 0.0..=60.0];
+        /// Horizontal speed from which on a heading constraint applies.
+        heading_minimum_speed_mps: f64 = ["m/s", 0.0..=100.0];
+        /// The same in standard deviations of the horizontal velocity; both must be reached.
+        heading_minimum_sigmas: f64 = ["standard deviations", 0.0..=100.0];
+        /// A constraint that the state contradicts by more than this is not applied but reported; inf applies every constraint.
+        contradiction_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
+        /// Largest number of times that a distance is linearised anew at one refresh.
+        maximum_relinearisations: u32 = ["times", 1..=100];
+        /// Whether the filter goes on with the constrained state; if not, constraints act only on the states that are given out.
+        feedback: bool = ["switch", ()];
+    }
+
+    /// How epochs of different phones are brought together.
+    AlignmentSettings by AlignmentKeys {
+        /// Largest distance in time from the first epoch of a common epoch: half of the slowest phone's interval.
+        tolerance_s: f64 = ["s", 0.001..=60.0];
+        /// Epochs of two phones this close are simultaneous, and two epochs of one phone must be further apart; not above tolerance_s.
+        simultaneous_s: f64 = ["s", 0.0..=1.0];
+        /// An epoch further ahead of the phone's previous one must be confirmed by the next one, unless the steps are regular.
+        maximum_step_s: f64 = ["s", 1.0..=86400.0];
+        /// Live: longest time that an epoch waits for other phones from its arrival on; the option --latency of cofix-hub run overrides it.
+        maximum_wait_s: f64 = ["s", 0.1..=3600.0];
+    }
+}
