@@ -1,8 +1,8 @@
 //! Truncation against rejection sampling, and its invariances.
 
 use cofix_common::constraint::{
-    Constraint, ConstraintOptions, Distance, DistanceModel, Enlargement, Heading, Method, VerticalVelocity,
-    constrain,
+    Constraint, ConstraintOptions, Distance, DistanceModel, Enlargement, Heading, Method, Speed,
+    VerticalVelocity, constrain,
 };
 use cofix_common::filter::STATES_PER_PHONE;
 use cofix_common::frames::{Geodetic, LocalFrame};
@@ -217,6 +217,13 @@ fn any_constraints() -> impl Strategy<Value = Vec<Constraint>> {
     prop::collection::vec(prop_oneof![distance, near, vertical, heading], 1..7)
 }
 
+fn any_speeds() -> impl Strategy<Value = Vec<Constraint>> {
+    let speed = (0usize..3, 0.0..8.0, 0.0..9.0).prop_map(|(phone, minimum_mps, width_mps)| {
+        Constraint::Speed(Speed { phone, minimum_mps, maximum_mps: minimum_mps + width_mps })
+    });
+    prop::collection::vec(speed, 0..3)
+}
+
 fn any_state() -> impl Strategy<Value = DVector<f64>> {
     let phone = (prop::array::uniform3(-50.0..50.0), prop::array::uniform3(-12.0..12.0));
     prop::collection::vec(phone, 3).prop_map(|phones| state(&phones))
@@ -265,8 +272,10 @@ proptest! {
 
     #[test]
     fn the_covariance_shrinks_and_stays_one(
-        prior in any_state(), seed in 0u64..1_000, constraints in any_constraints(), options in any_options()
+        prior in any_state(), seed in 0u64..1_000, others in any_constraints(), speeds in any_speeds(),
+        options in any_options()
     ) {
+        let constraints = [others, speeds].concat();
         let spread = correlated(&SIGMAS, seed);
         let (mut x, mut p) = (prior, spread.clone());
         let actions = constrain(&mut x, &mut p, &constraints, &options);

@@ -33,6 +33,10 @@
 //! kind = "heading"
 //! course_deg = 260.0                  # over ground, clockwise from north
 //! tolerance_deg = 10.0                # below 90
+//! [[constraint]]
+//! kind = "speed"                      # horizontal, of each of the named phones
+//! minimum_mps = 0.0                   # default 0; it acts where the direction of motion is certain
+//! maximum_mps = 14.0                  # default none; at least one of both must be there
 //! [evaluation]
 //! truth_quality = [1]                 # rows of the truth that count; this is the default
 //! [filter]

@@ -33,7 +33,7 @@ pub mod truncation;
 use serde::{Deserialize, Serialize};
 
 pub use engine::constrain;
-pub use kinds::{Constraint, Distance, Heading, VerticalVelocity};
+pub use kinds::{Constraint, Distance, Heading, Speed, VerticalVelocity};
 pub use options::{ConstraintOptions, DistanceModel, HeadingGate, Method};
 pub use truncation::Enlargement;
 

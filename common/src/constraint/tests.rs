@@ -462,6 +462,70 @@ fn vertical_velocity_rows_are_the_jacobian() {
     }
 }
 
+fn speed(minimum_mps: f64, maximum_mps: f64) -> Constraint {
+    Constraint::Speed(Speed { phone: 0, minimum_mps, maximum_mps })
+}
+
+#[test]
+fn speed_rows_are_the_jacobian() {
+    for horizon_s in [0.0, 1.0] {
+        let mut at = state(&[([3.0, 1.0, 2.0], [3.0, -4.0, 0.7])]);
+        at.fixed_rows_mut::<3>(6).copy_from(&Vector3::new(0.3, -0.2, 0.9));
+        let options = ConstraintOptions { horizon_s, ..ConstraintOptions::default() };
+        let rows = rows_at(speed(1.0, 9.0), &at, &options);
+        let row = rows[0].unwrap();
+        let numeric = differences(&speed(1.0, 9.0), &at, horizon_s, 1e-2);
+        // Vertical speed over the Earth's radius is left out of the rows.
+        assert!((dense(&row, 9) - numeric).amax() < 2e-6);
+        let value = speed(1.0, 9.0).value(&at, horizon_s).unwrap();
+        assert!((row.row.at(&at) - value).abs() < 1e-8 && rows[1].is_none(), "{value}");
+        assert!((horizon_s > 0.0 || (value - 5.0).abs() < 1e-5) && row.interval.lower == 1.0);
+    }
+}
+
+#[test]
+fn a_speed_stays_below_its_maximum_whatever_is_known_of_its_direction() {
+    for (velocity, sigma) in [([9.0, 3.0, 0.1], 1.0), ([2.0, -1.0, 0.1], 1.5), ([0.0; 3], 2.0)] {
+        for horizon_s in [0.0, 1.0] {
+            let mut mean = state(&[([0.0; 3], velocity)]);
+            let mut spread = covariance(&[[5.0, sigma, 0.1]]);
+            let options = ConstraintOptions { horizon_s, ..ConstraintOptions::default() };
+            let bound = speed(0.0, 0.6 * velocity[0] + 0.5);
+            let actions = constrain(&mut mean, &mut spread, &[bound], &options);
+            assert_eq!(actions[0].outcome, ConstraintOutcome::Holds, "{actions:?}");
+            let up = mean.fixed_rows::<3>(3).dot(&origin().up());
+            assert!((up - velocity[2]).abs() < 1e-3, "the vertical velocity is none of its business: {up}");
+            // Every component is known better than the bound on it (a uniform law has maximum/√3), but for the one across
+            // a direction that is certain.
+            let east = origin().vector_enu_to_ecef(Enu { east: 1.0, north: 0.0, up: 0.0 }).0;
+            let variance = east.dot(&(spread.fixed_view::<3, 3>(3, 3) * east));
+            assert!(variance < 0.95 * sigma * sigma, "{velocity:?}: {variance}");
+        }
+    }
+}
+
+#[test]
+fn a_least_speed_needs_a_direction_that_is_certain() {
+    let run = |speed_mps: f64, sigma: f64| {
+        let mut mean = state(&[([0.0; 3], [0.6 * speed_mps, 0.8 * speed_mps, 0.0])]);
+        let mut spread = covariance(&[[5.0, sigma, 0.1]]);
+        let prior = (mean.clone(), spread.clone());
+        let bound = speed(4.0, f64::INFINITY);
+        let actions = constrain(&mut mean, &mut spread, &[bound], &ConstraintOptions::default());
+        (actions, (mean.clone(), spread) == prior, bound.value(&mean, 0.0).unwrap())
+    };
+    let (actions, is_untouched, after) = run(3.0, 0.5);
+    assert!(actions.len() == 1 && !is_untouched && after > 3.9, "{actions:?}");
+    for (speed_mps, sigma) in [(3.0, 1.5), (0.0, 0.1)] {
+        let (actions, is_untouched, _) = run(speed_mps, sigma);
+        assert!(actions.is_empty() && is_untouched, "{speed_mps} {sigma}: {actions:?}");
+    }
+    // Twenty standard deviations: one of the two is wrong.
+    let (actions, is_untouched, _) = run(3.0, 0.05);
+    assert_eq!(actions[0].outcome, ConstraintOutcome::Skipped(SkipReason::Contradicted));
+    assert!(is_untouched);
+}
+
 #[test]
 fn heading_rows_have_the_derivative_of_the_course_at_their_edge() {
     // On the edge of the tolerance the half-plane's row is speed times the gradient of the angle off course.
@@ -516,6 +580,7 @@ fn constraints_are_written_with_the_keys_of_their_kind_and_read_back() {
             Constraint::VerticalVelocity(VerticalVelocity { phone: 0, maximum_mps: 0.5 }),
             json!({"kind": "vertical-velocity", "maximum_mps": 0.5}),
         ),
+        (speed(1.0, 14.0), json!({"kind": "speed", "minimum_mps": 1.0, "maximum_mps": 14.0})),
         (
             Constraint::Heading(Heading {
                 phone: 0,

@@ -18,16 +18,19 @@ impl Document {
         let Entry { table, about, key, meaning, unit, range, value, .. } = entry;
         if *table != self.table {
             let gap = if self.text.is_empty() { "" } else { "\n" };
-            self.text.push_str(&format!("{gap}# {about}\n[{table}]\n"));
+            let head = format!("{gap}# {about}\n[{table}]\n");
+            self.text += &head;
             self.table.clone_from(table);
         }
         let range =
             if matches!(*unit, "word" | "switch") { range.clone() } else { format!("{unit}; {range}") };
-        self.text.push_str(&format!("# [{range}] {meaning}\n"));
-        self.text.push_str(&match value {
+        let comment = format!("# [{range}] {meaning}\n");
+        let line = match value {
             Some(value) => format!("{key} = {value}\n"),
             None => format!("# {key} is not used here\n"),
-        });
+        };
+        self.text += &comment;
+        self.text += &line;
     }
 }
 

@@ -112,11 +112,11 @@ impl Leaf for bool {
         Some(Value::Boolean(*self))
     }
 
-    fn is_within(&self, _: &()) -> bool {
+    fn is_within(&self, (): &()) -> bool {
         true
     }
 
-    fn range(_: &()) -> String {
+    fn range((): &()) -> String {
         "true or false".to_owned()
     }
 }

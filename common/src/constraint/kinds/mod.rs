@@ -6,6 +6,7 @@
 mod distance;
 mod fields;
 mod heading;
+mod speed;
 mod vertical_velocity;
 
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -13,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 pub use distance::Distance;
 pub use heading::Heading;
+pub use speed::Speed;
 pub use vertical_velocity::VerticalVelocity;
 
 use super::SkipReason;
@@ -185,6 +187,8 @@ kinds! {
     "vertical-velocity" VerticalVelocity;
     /// The course of a phone.
     "heading" Heading;
+    /// The horizontal speed of a phone.
+    "speed" Speed;
 }
 
 impl Constraint {
@@ -215,7 +219,7 @@ impl Constraint {
         phones.iter().enumerate().flat_map(|(n, &i)| after(n).map(move |&j| of(&[i, j]))).collect()
     }
 
-    /// The constrained quantity in a joint state: distance (m), velocity (m/s, positive up) or angle off the course (rad, in
+    /// The constrained quantity in a joint state: distance (m), vertical velocity (m/s, positive up), speed (m/s) or angle off the course (rad, in
     /// (−π, π], positive to the right).
     ///
     /// The velocity is the mean one over `horizon_s` to come, v + ½a·horizon; 0 takes the velocity itself. `None` when

@@ -2,10 +2,14 @@
 
 use std::sync::Arc;
 
+use crate::constraint::Speed;
+use crate::frames::LocalFrame;
 use crate::pipeline::{PhonePipeline, PipelineOptions};
 use crate::simulation::{PhoneOptions, Scenario, Simulation};
 
 use super::*;
+
+const NAMES: [&str; 2] = ["SIM1", "SIM2"];
 
 /// Two phones from the start to the end, on an open road.
 fn convoy(duration_s: f64) -> (Simulation, Vec<Vec<EpochMessage>>) {
@@ -14,14 +18,18 @@ fn convoy(duration_s: f64) -> (Simulation, Vec<Vec<EpochMessage>>) {
         stops_before_s: 0.0,
         ..PhoneOptions::of_vehicle(vehicle)
     };
-    let scenario = Scenario { duration_s, phones: vec![phone(0), phone(1)], ..Scenario::default() };
+    simulated(Scenario { duration_s, phones: vec![phone(0), phone(1)], ..Scenario::default() })
+}
+
+/// A scenario of two phones, and their agents' messages.
+fn simulated(scenario: Scenario) -> (Simulation, Vec<Vec<EpochMessage>>) {
     let simulation = Simulation::new(scenario).unwrap();
     let products = Arc::new(simulation.products());
     let run = |index: usize, name: &str| {
         let mut pipeline = PhonePipeline::new(name, Arc::clone(&products), PipelineOptions::default());
         simulation.epochs(index).map(|simulated| pipeline.process(&simulated.epoch)).collect()
     };
-    let messages = vec![run(0, "SIM1"), run(1, "SIM2")];
+    let messages = vec![run(0, NAMES[0]), run(1, NAMES[1])];
     (simulation, messages)
 }
 
@@ -81,4 +89,39 @@ fn without_feedback_the_filter_never_sees_a_constraint() {
         free.step(bucket());
         assert_eq!(constrained.filter.state(0), free.filter.state(0), "second {second}");
     }
+}
+
+/// Two phones that stand, known to move by less than 5 cm/s: their speed stays below it, and they are better known.
+#[test]
+fn a_bound_on_the_speed_holds_and_helps_phones_that_stand() {
+    let scenario = Scenario { duration_s: 240.0, ..Scenario::stationary(2) };
+    let (simulation, messages) = simulated(scenario);
+    let maximum_mps = 0.05;
+    let bound = |phone| Constraint::Speed(Speed { phone, minimum_mps: 0.0, maximum_mps });
+    let run = |constraints: Vec<Constraint>| {
+        let always = |constraint| ScheduledConstraint { constraint, from_gps: None, to_gps: None };
+        let constraints = constraints.into_iter().map(always).collect();
+        let mut engine = Engine::new(&NAMES.map(str::to_owned), constraints, EngineOptions::default());
+        let (mut errors_m, mut fastest_mps) = (Vec::new(), 0.0f64);
+        for second in 0..230 {
+            let bucket = messages.iter().map(|of_phone: &Vec<EpochMessage>| of_phone.get(second).cloned());
+            let epoch = engine.step(bucket.collect());
+            for (phone, fused) in epoch.phones.iter().enumerate().filter(|(_, fused)| fused.state.is_some()) {
+                let state = fused.state.as_ref().unwrap();
+                let velocity = LocalFrame::at(state.position()).vector_ecef_to_enu(state.velocity());
+                fastest_mps = fastest_mps.max(velocity.horizontal());
+                errors_m.push(error_m(&simulation, phone, &epoch));
+            }
+        }
+        errors_m.sort_by(f64::total_cmp);
+        (errors_m[errors_m.len() / 2], fastest_mps)
+    };
+    let (free_m, free_mps) = run(Vec::new());
+    let (bound_m, bound_mps) = run(vec![bound(0), bound(1)]);
+    println!(
+        "median error {free_m:.3} m and {bound_m:.3} m, fastest {free_mps:.3} m/s and {bound_mps:.3} m/s"
+    );
+    assert!(free_mps > 2.0 * maximum_mps, "{free_mps}");
+    assert!(bound_mps <= maximum_mps + 1e-3, "{bound_mps}");
+    assert!(bound_m < 0.95 * free_m, "{bound_m} {free_m}");
 }
