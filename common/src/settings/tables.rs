@@ -216,7 +216,7 @@ tables! {
         preset: Preset;
     }
 
-    /// How constraints act; the constraints themselves are the tables [[constraint]].
+    /// How constraints act; the constraints themselves are the tables `[[constraint]]`.
     ConstraintSettings by ConstraintKeys {
         /// How several constraints are brought into one state: each given all others until nothing changes, or one by one in their order.
         method: Combination = ["word", ()];
