@@ -3,6 +3,7 @@
 mod publisher;
 mod recording;
 mod sink;
+mod states;
 
 use std::fmt::Display;
 use std::path::PathBuf;
@@ -33,6 +34,9 @@ pub struct OutputFiles {
     /// Where to write the fused positions (CSV)
     #[arg(long, value_name = "FILE")]
     pub positions: Option<PathBuf>,
+    /// Where to write the fused states (JSON lines, docs/states.md)
+    #[arg(long, value_name = "FILE")]
+    pub states: Option<PathBuf>,
     /// Replace files that are there
     #[arg(long)]
     pub overwrite: bool,
@@ -52,6 +56,7 @@ struct FileSink {
 const FILE_SINKS: &[FileSink] = &[
     FileSink { what: "the recording", path: |files| files.recording.as_ref(), open: recording::open },
     FileSink { what: "the positions", path: |files| files.positions.as_ref(), open: positions::open },
+    FileSink { what: "the states", path: |files| files.states.as_ref(), open: states::open },
 ];
 
 impl OutputFiles {
