@@ -131,7 +131,7 @@ impl Engine<'_> {
                 continue;
             }
             let sites = Former { in_state: task.sites[index], earlier: earlier[index] };
-            let applied = self.posterior.apply(&bounded, policy, sites)?;
+            let applied = self.posterior.apply(&bounded, policy, &sites)?;
             task.enlargements = task.enlargements.max(applied.enlargements);
             task.sites[index] = Some(applied.site);
             task.acted = true;

@@ -67,7 +67,7 @@ impl<'a> Posterior<'a> {
         &mut self,
         bounded: &BoundedRow,
         policy: Enlargement,
-        sites: Former,
+        sites: &Former,
     ) -> Result<Applied, SkipReason> {
         let law = self.project(&bounded.row)?;
         let former = sites.in_state.unwrap_or(Site { row: bounded.row, precision: 0.0, shift: 0.0 });
@@ -197,7 +197,7 @@ mod tests {
                 let prior = state.clone();
                 let mut posterior = Posterior::new(&mut state, &mut covariance, 0.0);
                 let former = Former { in_state: None, earlier: None };
-                let applied = posterior.apply(&bounded, Enlargement::Fixed, former);
+                let applied = posterior.apply(&bounded, Enlargement::Fixed, &former);
                 let mut site = applied.ok().map(|applied| applied.site);
                 let law = (posterior.state.clone(), posterior.covariance.clone());
                 assert!((&law.0 - &prior).amax() > 0.5 && posterior.take_out(&mut site));
