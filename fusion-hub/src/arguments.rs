@@ -1,4 +1,4 @@
-//! Outputs on the command line: where they go, and what is said at the end.
+//! Outputs on the command line: whether they may be written, and what is said at the end.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -6,26 +6,9 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use cofix_agent::files::{Named, OutputFile, check_absent, check_outputs};
 use cofix_hub::attention;
+use cofix_hub::outputs::{OutputFiles, Written};
 use cofix_hub::replay::Outcome;
 use cofix_hub::report::InputFile;
-
-/// Where outputs go.
-#[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Outputs")]
-pub struct OutputArguments {
-    /// Where to record to (.rrd)
-    #[arg(long, value_name = "FILE")]
-    pub recording: Option<PathBuf>,
-    /// Where to write the JSON report (docs/report.md)
-    #[arg(long, value_name = "FILE")]
-    pub report: Option<PathBuf>,
-    /// Where to write the fused positions (CSV)
-    #[arg(long, value_name = "FILE")]
-    pub positions: Option<PathBuf>,
-    /// Replace files that are there
-    #[arg(long)]
-    pub overwrite: bool,
-}
 
 /// The report's file, and what goes into it beside the session's outcome.
 #[derive(Debug)]
@@ -36,24 +19,23 @@ pub struct ReportPlan {
     folder: PathBuf,
 }
 
-impl OutputArguments {
+impl ReportPlan {
     /// Checks that the outputs are files of their own and can be written; `inputs` must not be among them, of which those in
     /// `read` go into the report, named from `folder` on.
-    pub fn prepare(&self, inputs: &[Named], read: Vec<Named>, folder: &Path) -> anyhow::Result<ReportPlan> {
-        let named = |what, path: &Option<PathBuf>| path.as_deref().map(|path| Named::new(what, path));
-        let report = named("the report", &self.report);
-        let outputs = [
-            named("the recording", &self.recording),
-            report.clone(),
-            named("the positions", &self.positions),
-        ];
-        let outputs: Vec<Named> = outputs.into_iter().flatten().collect();
+    pub fn new(
+        files: &OutputFiles,
+        inputs: &[Named],
+        read: Vec<Named>,
+        folder: &Path,
+    ) -> anyhow::Result<Self> {
+        let outputs = files.named();
         check_outputs(&outputs, inputs)?;
-        if !self.overwrite {
+        if !files.overwrite {
             outputs.iter().try_for_each(check_absent)?;
         }
-        let file = report.map(|report| OutputFile::create(report, self.overwrite)).transpose()?;
-        Ok(ReportPlan { file, inputs: read, folder: folder.to_owned() })
+        let file =
+            files.named_report().map(|report| OutputFile::create(report, files.overwrite)).transpose()?;
+        Ok(Self { file, inputs: read, folder: folder.to_owned() })
     }
 }
 
@@ -84,12 +66,9 @@ fn print(outcome: &Outcome) -> anyhow::Result<()> {
         writeln!(out, "Skipped (the report names the first of each):\n{skipped}\n")?;
     }
     writeln!(out, "{}\n", attention::render(&outcome.report.attention))?;
-    if let Some((path, recorded)) = &outcome.recording {
-        let megabytes = recorded.bytes as f64 * 1e-6;
-        writeln!(out, "Recording: {} ({megabytes:.1} MB, {} epochs)", path.display(), recorded.epochs)?;
-    }
-    if let Some(path) = &outcome.positions {
-        writeln!(out, "Positions: {}", path.display())?;
+    for Written { title, path, figures, .. } in &outcome.written {
+        let figures = if figures.is_empty() { String::new() } else { format!(" ({figures})") };
+        writeln!(out, "{title}: {}{figures}", path.display())?;
     }
     Ok(())
 }

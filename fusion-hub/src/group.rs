@@ -135,7 +135,7 @@ impl Group {
     /// Works until the end.
     ///
     /// # Errors
-    /// When an agent fails, a message is lost, or an output cannot be written.
+    /// When an agent fails or a message is lost.
     pub fn work(&mut self, events: &Receiver<Event>, stop: &Stop) -> anyhow::Result<()> {
         let mut clock = Steady::start();
         while !self.is_over() && !stop.is_requested() {
@@ -158,14 +158,15 @@ impl Group {
             self.align(phone);
             self.aligner.finish(phone);
         }
-        self.fuse_ready()
+        self.fuse_ready();
+        Ok(())
     }
 
     /// Takes in what has happened by `now`, of the time since the start, and does what follows from it; `wall_gps` is the time by the
     /// computer's clock.
     ///
     /// # Errors
-    /// When an agent fails, a message is lost, or an output cannot be written.
+    /// When an agent fails or a message is lost.
     fn step(
         &mut self,
         events: impl Iterator<Item = Event>,
@@ -177,8 +178,8 @@ impl Group {
             self.handle(event)?;
         }
         self.recover();
-        self.fuse_ready()?;
-        self.fuse_overdue(wall_gps)?;
+        self.fuse_ready();
+        self.fuse_overdue(wall_gps);
         self.outputs.tick(Moment { now, wall_gps });
         self.check_stragglers()
     }
@@ -371,16 +372,15 @@ impl Group {
         }
     }
 
-    fn fuse_ready(&mut self) -> anyhow::Result<()> {
+    fn fuse_ready(&mut self) {
         while let Some(bucket) = self.aligner.pop_ready() {
-            self.outputs.push(&self.engine.step(bucket))?;
+            self.outputs.push(&self.engine.step(bucket));
         }
-        Ok(())
     }
 
-    fn fuse_overdue(&mut self, wall_gps: GpsTime) -> anyhow::Result<()> {
+    fn fuse_overdue(&mut self, wall_gps: GpsTime) {
         if self.course == Course::Replay {
-            return Ok(());
+            return;
         }
         loop {
             let goes_on = self.aligner.go_on(self.now, Some(wall_gps));
@@ -396,9 +396,9 @@ impl Group {
                 self.engine.restart();
             }
             if !goes_on && notices.is_empty() {
-                return Ok(());
+                return;
             }
-            self.fuse_ready()?;
+            self.fuse_ready();
         }
     }
 }

@@ -1,6 +1,5 @@
 //! A session as it happens.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use cofix_agent::status::Moment;
@@ -9,7 +8,7 @@ use zenoh::qos::CongestionControl;
 
 use crate::group::{Course, Group, Parts};
 use crate::network::Network;
-use crate::outputs::Outputs;
+use crate::outputs::{OutputFiles, Outputs};
 use crate::replay::{Outcome, outcome, read_truths_counted};
 use crate::report::SettingsReport;
 use crate::scores::Scores;
@@ -17,20 +16,13 @@ use crate::session::Session;
 use cofix_common::fusion::align::{AlignOptions, Aligner};
 use cofix_common::fusion::engine::Engine;
 
-/// How long an epoch waits to be written to the recording.
-const RECORDING_AGE: Duration = Duration::from_secs(10);
-
 /// How a live hub runs.
 #[derive(Clone, Debug)]
 pub struct LiveOptions {
     /// Zenoh endpoints to listen on.
     pub listen: Vec<String>,
-    /// Where to record to.
-    pub recording: Option<PathBuf>,
-    /// Where to write fused positions to (see [`crate::positions`]).
-    pub positions: Option<PathBuf>,
-    /// Whether outputs may replace files that are there.
-    pub overwrite: bool,
+    /// What to write where.
+    pub files: OutputFiles,
     /// Whether to end when the agents of all phones have finished.
     pub until_finished: bool,
     /// How long the group waits for a phone, in place of what the session says.
@@ -48,13 +40,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     let scores = Scores::new(truths, session.truth_quality.clone());
     // A listener that does not keep up must not hold up the hub.
     let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Drop), scores);
-    if let Some(path) = &options.recording {
-        outputs.record_to(path, &session.group, options.overwrite)?;
-        outputs.write_recording_after(RECORDING_AGE);
-    }
-    if let Some(path) = &options.positions {
-        outputs.write_positions_to(path, options.overwrite)?;
-    }
+    outputs.write_to(&options.files, &session.group, true)?;
     outputs.show_status(Moment { now: Duration::ZERO, wall_gps: source::now() });
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
     let align = session.settings.estimator.align();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use arguments::{OutputArguments, conclude};
+use arguments::{ReportPlan, conclude};
 use clap::{Parser, Subcommand, ValueEnum};
 use cofix_agent::signals::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
@@ -14,6 +14,7 @@ use cofix_common::settings::Preset;
 use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
 use cofix_hub::files::{inputs, live_inputs};
 use cofix_hub::live::{self, LiveOptions};
+use cofix_hub::outputs::OutputFiles;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_hub::session::Session;
 use cofix_hub::simulate::{self, simulate};
@@ -51,7 +52,7 @@ enum Command {
         #[arg(long, value_name = "SECONDS", value_parser = latency)]
         latency: Option<f64>,
         #[command(flatten)]
-        outputs: OutputArguments,
+        outputs: OutputFiles,
     },
     /// Run a recorded session through agents and hub on this machine
     Replay {
@@ -64,13 +65,13 @@ enum Command {
         #[arg(long, default_value = "max")]
         speed: Speed,
         #[command(flatten)]
-        outputs: OutputArguments,
+        outputs: OutputFiles,
     },
     /// Six simulated phones in two cars in and around an urban canyon, without any input; recorded to cofix-demo.rrd
     /// unless told otherwise
     Demo {
         #[command(flatten)]
-        outputs: OutputArguments,
+        outputs: OutputFiles,
     },
     /// Write a simulated scenario as files: observations, navigation messages, truth, and a session to replay
     Simulate(simulate::Arguments),
@@ -117,22 +118,22 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
         Command::Run { session: file, data, listen, until_finished, latency, outputs } => {
             let session = Session::read_with_data(&file, data.as_deref())?;
             let read = live_inputs(&file, &session);
-            let report = outputs.prepare(&inputs(&file, &session), read, folder(&file, data.as_deref()))?;
+            let named = inputs(&file, &session);
+            let report = ReportPlan::new(&outputs, &named, read, folder(&file, data.as_deref()))?;
             let latency = latency.map(Duration::from_secs_f64);
-            let OutputArguments { recording, positions, overwrite, .. } = outputs;
-            let options = LiveOptions { listen, recording, positions, overwrite, until_finished, latency };
+            let options = LiveOptions { listen, files: outputs, until_finished, latency };
             conclude(live::run(&session, &options, stop)?, report)
         }
         Command::Replay { session: file, data, speed, outputs } => {
             let session = Session::read_with_data(&file, data.as_deref())?;
             let inputs = inputs(&file, &session);
-            let report = outputs.prepare(&inputs, inputs.clone(), folder(&file, data.as_deref()))?;
+            let report = ReportPlan::new(&outputs, &inputs, inputs.clone(), folder(&file, data.as_deref()))?;
             let plan = Plan::from_session(&session)?;
             conclude(replay(&plan, &replay_options(outputs, speed), stop)?, report)
         }
         Command::Demo { mut outputs } => {
             outputs.recording.get_or_insert_with(|| DEMO_RECORDING.into());
-            let report = outputs.prepare(&[], Vec::new(), Path::new(""))?;
+            let report = ReportPlan::new(&outputs, &[], Vec::new(), Path::new(""))?;
             let plan = cofix_hub::demo::plan(cofix_hub::demo::scenario())?;
             conclude(replay(&plan, &replay_options(outputs, Speed::Maximum), stop)?, report)
         }
@@ -150,9 +151,8 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
     }
 }
 
-fn replay_options(outputs: OutputArguments, speed: Speed) -> ReplayOptions {
-    let OutputArguments { recording, positions, overwrite, .. } = outputs;
-    ReplayOptions { recording, positions, overwrite, speed, progress: true }
+fn replay_options(files: OutputFiles, speed: Speed) -> ReplayOptions {
+    ReplayOptions { files, speed, progress: true }
 }
 
 /// The folder to which a session file's paths are relative.

@@ -1,35 +1,83 @@
-//! Where fused epochs go: listeners, recording, table of positions, scores, counts, progress.
+//! Where fused epochs go: counts, scores, progress, and a list of sinks, each on its own: listeners, status, files.
 
+mod publisher;
 mod recording;
+mod sink;
+mod states;
 
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::fmt::Display;
+use std::path::PathBuf;
 
-use anyhow::Context;
-use cofix_agent::files::{Named, OutputFile};
+use cofix_agent::files::Named;
 use cofix_agent::status::Moment;
-use cofix_common::constraint::{ConstraintAction, ConstraintOutcome};
-use cofix_common::wire::FusedMessage;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::network::FusedPublisher;
-use crate::positions::PositionTable;
-use crate::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
+use crate::positions;
 use crate::report::{Report, SCHEMA, Tally};
 use crate::scores::Scores;
 use crate::status::Status;
 use cofix_common::fusion::engine::FusedEpoch;
-use recording::RecordingFile;
+
+pub use sink::{Fused, Opening, Sink, Written};
+
+/// The files that are written on request.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "Outputs")]
+pub struct OutputFiles {
+    /// Where to record to (.rrd)
+    #[arg(long, value_name = "FILE")]
+    pub recording: Option<PathBuf>,
+    /// Where to write the JSON report (docs/report.md)
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Where to write the fused positions (CSV)
+    #[arg(long, value_name = "FILE")]
+    pub positions: Option<PathBuf>,
+    /// Where to write the fused states (JSON lines, docs/states.md)
+    #[arg(long, value_name = "FILE")]
+    pub states: Option<PathBuf>,
+    /// Replace files that are there
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+/// A file that takes fused epochs in.
+struct FileSink {
+    /// What it is, with its article.
+    what: &'static str,
+    /// Where it should be written to.
+    path: fn(&OutputFiles) -> Option<&PathBuf>,
+    /// Opens it.
+    open: fn(&Opening<'_>) -> anyhow::Result<Box<dyn Sink>>,
+}
+
+/// All files that take fused epochs in. The report is none: it is written when everything is over.
+const FILE_SINKS: &[FileSink] = &[
+    FileSink { what: "the recording", path: |files| files.recording.as_ref(), open: recording::open },
+    FileSink { what: "the positions", path: |files| files.positions.as_ref(), open: positions::open },
+    FileSink { what: "the states", path: |files| files.states.as_ref(), open: states::open },
+];
+
+impl OutputFiles {
+    /// All files that should be written.
+    pub fn named(&self) -> Vec<Named> {
+        let named = |sink: &FileSink| Some(Named::new(sink.what, (sink.path)(self)?));
+        FILE_SINKS.iter().filter_map(named).chain(self.named_report()).collect()
+    }
+
+    /// The report's file.
+    pub fn named_report(&self) -> Option<Named> {
+        self.report.as_deref().map(|path| Named::new("the report", path))
+    }
+}
 
 /// All consumers of fused epochs.
 pub struct Outputs {
     names: Vec<String>,
-    publisher: FusedPublisher,
-    recorder: Option<RecordingFile>,
-    positions: Option<(PositionTable<OutputFile>, PathBuf)>,
+    sinks: Vec<Box<dyn Sink>>,
     failure: Option<String>,
     progress: ProgressBar,
-    status: Option<Status>,
     /// Positions to be scored.
     pub scores: Scores,
     /// Counts.
@@ -41,56 +89,36 @@ impl Outputs {
     pub fn new(names: &[String], publisher: FusedPublisher, scores: Scores) -> Self {
         Self {
             names: names.to_vec(),
-            publisher,
-            recorder: None,
-            positions: None,
+            sinks: vec![Box::new(publisher)],
             failure: None,
             progress: ProgressBar::hidden(),
-            status: None,
             scores,
             tally: Tally::new(names),
         }
     }
 
-    /// Records into a file, too, which gets its name at the end; `overwrite`: one that is there may be replaced.
+    /// Writes files, too, each of which gets its name at the end.
     ///
     /// # Errors
-    /// When the file cannot be created.
-    pub fn record_to(&mut self, path: &Path, group: &str, overwrite: bool) -> anyhow::Result<()> {
-        let config = RecorderConfig { group: group.to_owned(), phones: self.names.clone() };
-        self.recorder = Some(RecordingFile::create(path, overwrite, &config)?);
-        Ok(())
-    }
-
-    /// Writes fused positions into a table (see [`crate::positions`]), too, which is there at the end.
-    ///
-    /// # Errors
-    /// When the file cannot be created.
-    pub fn write_positions_to(&mut self, path: &Path, overwrite: bool) -> anyhow::Result<()> {
-        let file = OutputFile::create(Named::new("the positions", path), overwrite)?;
-        let table = PositionTable::new(file, &self.names).with_context(|| cannot_write(path))?;
-        self.positions = Some((table, path.to_owned()));
-        Ok(())
-    }
-
-    /// Records a live session: the recording is written every `age` or so, not only when there is much, and left when it is not whole.
-    pub fn write_recording_after(&mut self, age: Duration) {
-        if let Some(file) = &mut self.recorder {
-            file.keep_live(age);
+    /// When a file cannot be created.
+    pub fn write_to(&mut self, files: &OutputFiles, group: &str, is_live: bool) -> anyhow::Result<()> {
+        for sink in FILE_SINKS {
+            let Some(path) = (sink.path)(files) else { continue };
+            let overwrite = files.overwrite;
+            let opening = Opening { path, overwrite, group, phones: &self.names, is_live };
+            self.sinks.push((sink.open)(&opening)?);
         }
+        Ok(())
     }
 
     /// Says how the phones are, in lines on a terminal or in the log.
     pub fn show_status(&mut self, moment: Moment) {
-        self.status = Some(Status::new(&self.names, moment));
+        self.sinks.push(Box::new(Status::new(&self.names, moment)));
     }
 
     /// Looks at the clock.
     pub fn tick(&mut self, moment: Moment) {
-        if let Some(status) = &mut self.status {
-            status.look(moment);
-        }
-        self.with_recorder(Recorder::tick);
+        self.each(|sink, _| sink.tick(moment));
     }
 
     /// Why an output is incomplete, if one is.
@@ -98,32 +126,22 @@ impl Outputs {
         self.failure.as_deref()
     }
 
-    /// A recording that cannot be written ends there; everything else goes on.
-    fn with_recorder(&mut self, work: impl FnOnce(&mut Recorder) -> Result<(), RecorderError>) {
-        let Some(file) = &mut self.recorder else { return };
-        if let Err(error) = work(file.recorder())
-            && let Some(file) = self.recorder.take()
-        {
-            self.fail(file.give_up(&error));
+    /// Has every sink work. One that fails ends there; everything else goes on.
+    fn each(&mut self, mut work: impl FnMut(&mut dyn Sink, &Self) -> anyhow::Result<()>) {
+        for mut sink in std::mem::take(&mut self.sinks) {
+            match work(sink.as_mut(), self) {
+                Ok(()) => self.sinks.push(sink),
+                Err(error) => self.fail(&sink.give_up(&error)),
+            }
         }
     }
 
-    fn fail(&mut self, failure: String) {
+    fn fail(&mut self, failure: &str) {
         tracing::error!("{failure}");
         self.failure = Some(match self.failure.take() {
             Some(earlier) => format!("{earlier}; {failure}"),
-            None => failure,
+            None => failure.to_owned(),
         });
-    }
-
-    /// A table that cannot be written ends there; everything else goes on.
-    fn add_positions(&mut self, epoch: &FusedEpoch) {
-        let Some((table, path)) = &mut self.positions else { return };
-        if let Err(error) = table.push(epoch) {
-            let failure = format!("{}: {error}", cannot_write(path));
-            self.positions = None;
-            self.fail(failure);
-        }
     }
 
     /// What is known so far, without what the group knows.
@@ -157,102 +175,47 @@ impl Outputs {
     }
 
     /// Hands an epoch to everybody.
-    ///
-    /// # Errors
-    /// When Zenoh refuses.
-    pub fn push(&mut self, epoch: &FusedEpoch) -> anyhow::Result<()> {
+    pub fn push(&mut self, epoch: &FusedEpoch) {
         self.tally.push(epoch);
-        if let Some(status) = &mut self.status {
-            status.epoch(epoch);
-        }
         self.scores.push(epoch);
-        for (name, phone) in self.names.iter().enumerate() {
-            if let Some(message) = fused_message(epoch, name, phone) {
-                self.publisher.publish(&message)?;
-            }
-        }
-        if self.recorder.is_some() {
-            let references = self.scores.references(epoch);
-            self.with_recorder(|recorder| recorder.record(epoch, &references));
-        }
-        self.add_positions(epoch);
+        self.each(|sink, outputs| {
+            sink.epoch(&Fused { epoch, phones: &outputs.names, scores: &outputs.scores })
+        });
         let messages = epoch.phones.iter().filter(|phone| phone.message.is_some()).count();
         self.progress.inc(messages as u64);
-        Ok(())
     }
 
-    /// Ends the progress bar, the table of positions, and the recording, into which the text goes.
-    pub fn finish(&mut self, text: &str) -> Finished {
+    /// Ends the progress bar and all sinks; `text` goes into the recording. Returns the files that are whole.
+    pub fn finish(&mut self, text: &str) -> Vec<Written> {
         self.progress.finish_and_clear();
-        self.status = None;
-        let positions = self.finish_positions();
-        let recording = self.recorder.take().and_then(|file| match file.finish(text) {
-            Ok(recorded) => Some(recorded),
-            Err(failure) => {
-                self.fail(failure);
-                None
-            }
-        });
-        Finished { recording, positions }
-    }
-
-    fn finish_positions(&mut self) -> Option<PathBuf> {
-        let (table, path) = self.positions.take()?;
-        let whole = table.finish().with_context(|| cannot_write(&path)).and_then(|file| Ok(file.commit()?));
-        match whole {
-            Ok(()) => Some(path),
-            Err(error) => {
-                self.fail(format!("{error:#}"));
-                None
+        let mut files = Vec::new();
+        for sink in std::mem::take(&mut self.sinks) {
+            match sink.finish(text) {
+                Ok(written) => files.extend(written),
+                Err(failure) => self.fail(&failure),
             }
         }
+        files
     }
 
     /// Ends everything and leaves no file behind: the session did not come to its end and can be run again.
     pub fn remove(&mut self) {
         self.progress.finish_and_clear();
-        self.positions = None;
-        if let Some(file) = self.recorder.take() {
-            file.remove();
+        for sink in std::mem::take(&mut self.sinks) {
+            sink.remove();
         }
     }
 
     /// Ends everything and keeps what there is: the session did not come to its end, and will not come again.
-    pub fn keep(&mut self, why: &dyn std::fmt::Display) {
+    pub fn keep(&mut self, why: &dyn Display) {
         self.progress.finish_and_clear();
-        self.finish_positions();
-        if let Some(file) = self.recorder.take() {
-            self.fail(file.give_up(why));
+        for sink in std::mem::take(&mut self.sinks) {
+            if let Err(failure) = sink.keep(why) {
+                self.fail(&failure);
+            }
         }
     }
 }
 
-/// The outputs that have come to their end.
-#[derive(Debug, Default)]
-pub struct Finished {
-    /// The recording.
-    pub recording: Option<(PathBuf, Recorded)>,
-    /// The table of positions.
-    pub positions: Option<PathBuf>,
-}
-
-fn cannot_write(path: &Path) -> String {
-    format!("{}: cannot write the positions", path.display())
-}
-
-fn fused_message(epoch: &FusedEpoch, index: usize, name: &str) -> Option<FusedMessage> {
-    let phone = epoch.phones.get(index)?;
-    let acted = epoch.actions.iter().filter(|action| concerns(action, index)).count();
-    Some(FusedMessage {
-        phone: name.to_owned(),
-        time_gps: epoch.time_gps,
-        state: phone.state.clone()?,
-        verdict: phone.message.as_ref().map(|message| message.raim.verdict),
-        constraints_acted: u16::try_from(acted).unwrap_or(u16::MAX),
-    })
-}
-
-/// Whether a constraint was applied to a phone.
-fn concerns(action: &ConstraintAction, index: usize) -> bool {
-    !matches!(action.outcome, ConstraintOutcome::Skipped(_)) && action.constraint.phones().contains(&index)
-}
+#[cfg(test)]
+mod tests;

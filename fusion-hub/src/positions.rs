@@ -16,13 +16,18 @@
 //! The rows of one phone are a truth table (see [`cofix_common::accuracy::Truth::parse_csv`]).
 
 use std::io::Write;
+use std::path::{Path, PathBuf};
 
+use anyhow::Context;
+use cofix_agent::files::{Named, OutputFile};
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Enu, LocalFrame};
 use cofix_common::integrity::Verdict;
+use cofix_common::skips::Skips;
 use cofix_common::wire::EpochMessage;
 use nalgebra::Matrix3;
 
+use crate::outputs::{Fused, Opening, Sink, Written};
 use crate::report::satellites_used;
 use cofix_common::fusion::engine::FusedEpoch;
 
@@ -94,6 +99,40 @@ impl<W: Write> PositionTable<W> {
     pub fn finish(self) -> std::io::Result<W> {
         self.writer.into_inner().map_err(csv::IntoInnerError::into_error)
     }
+}
+
+/// The table in a file.
+struct PositionFile {
+    table: PositionTable<OutputFile>,
+    path: PathBuf,
+}
+
+/// Opens the table in a file.
+///
+/// # Errors
+/// When the file cannot be created.
+pub(crate) fn open(opening: &Opening<'_>) -> anyhow::Result<Box<dyn Sink>> {
+    let path = opening.path.to_owned();
+    let file = OutputFile::create(Named::new("the positions", &path), opening.overwrite)?;
+    let table = PositionTable::new(file, opening.phones).with_context(|| cannot_write(&path))?;
+    Ok(Box::new(PositionFile { table, path }))
+}
+
+impl Sink for PositionFile {
+    fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
+        self.table.push(fused.epoch).with_context(|| cannot_write(&self.path))
+    }
+
+    fn finish(self: Box<Self>, _text: &str) -> Result<Option<Written>, String> {
+        let Self { table, path } = *self;
+        let file = table.finish().map_err(|error| format!("{}: {error}", cannot_write(&path)))?;
+        file.commit().map_err(|error| error.to_string())?;
+        Ok(Some(Written { title: "Positions", path, figures: String::new(), skips: Skips::default() }))
+    }
+}
+
+fn cannot_write(path: &Path) -> String {
+    format!("{}: cannot write the positions", path.display())
 }
 
 /// Position and velocity. 11 digits of a degree are a micrometre.

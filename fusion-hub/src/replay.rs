@@ -2,7 +2,7 @@
 //! the same code as live.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
@@ -22,8 +22,7 @@ use zenoh::qos::CongestionControl;
 use crate::attention;
 use crate::group::{Course, Group, Parts};
 use crate::network::{Event, Network};
-use crate::outputs::{Finished, Outputs};
-use crate::recorder::Recorded;
+use crate::outputs::{OutputFiles, Outputs, Written};
 use crate::report::{Report, SettingsReport};
 use crate::scores::Scores;
 use crate::session::{Session, SessionPhone, Settings};
@@ -72,12 +71,8 @@ pub struct PlannedPhone {
 /// How a replay is made.
 #[derive(Clone, Debug, Default)]
 pub struct ReplayOptions {
-    /// Where to record to.
-    pub recording: Option<PathBuf>,
-    /// Where to write fused positions to (see [`crate::positions`]).
-    pub positions: Option<PathBuf>,
-    /// Whether outputs may replace files that are there.
-    pub overwrite: bool,
+    /// What to write where.
+    pub files: OutputFiles,
     /// How fast.
     pub speed: Speed,
     /// Whether to show progress on a terminal.
@@ -91,10 +86,8 @@ pub struct Outcome {
     pub report: Report,
     /// The accuracy table.
     pub table: String,
-    /// The recording, if one was wished for.
-    pub recording: Option<(PathBuf, Recorded)>,
-    /// The table of positions, if one was wished for.
-    pub positions: Option<PathBuf>,
+    /// The files that were wished for and are whole, but for the report.
+    pub written: Vec<Written>,
     /// Why an output is incomplete, if one is.
     pub failure: Option<String>,
 }
@@ -305,12 +298,7 @@ fn group(plan: &Plan, options: &ReplayOptions, network: &Network) -> anyhow::Res
     let truths = plan.phones.iter().map(|phone| (phone.name.clone(), phone.truth.clone())).collect();
     let scores = Scores::new(truths, plan.truth_quality.clone());
     let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Block), scores);
-    if let Some(path) = &options.recording {
-        outputs.record_to(path, &plan.group, options.overwrite)?;
-    }
-    if let Some(path) = &options.positions {
-        outputs.write_positions_to(path, options.overwrite)?;
-    }
+    outputs.write_to(&options.files, &plan.group, false)?;
     if options.progress {
         outputs.show_progress();
     }
@@ -371,20 +359,22 @@ pub(crate) fn outcome(group: &mut Group, more_skips: &Skips, settings: SettingsR
     report.skips.merge(more_skips);
     report.attention = attention::findings(&report);
     let table = report.table(&names);
-    let Finished { recording, positions } = outputs.finish(
+    let written = outputs.finish(
         &[&table, &report.constraint_table(), &attention::render(&report.attention)]
             .map(String::as_str)
             .join("\n\n"),
     );
-    if let Some((_, recorded)) = &recording {
-        merge_named(&mut report.skips, "recording", &recorded.skips, "first");
+    for file in &written {
+        merge_named(&mut report.skips, &file.title.to_lowercase(), &file.skips, "first");
     }
     let failure = outputs.failure().map(str::to_owned);
-    Outcome { report, table, recording, positions, failure }
+    Outcome { report, table, written, failure }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
 
     const TRUTH_WITHOUT_WEEK: &str =

@@ -6,6 +6,7 @@ use std::time::Duration;
 use cofix_agent::status::{Board, Moment, Pulse};
 use cofix_common::constraint::{ConstraintOutcome, SkipReason};
 
+use crate::outputs::{Fused, Sink, Written};
 use crate::report::describe;
 use cofix_common::fusion::engine::FusedEpoch;
 
@@ -73,20 +74,26 @@ impl Status {
         let board = Board::new(names.len(), |line| tracing::info!("{line}"));
         Self { words: Words::new(names), board, moment }
     }
+}
 
-    /// Takes an epoch in.
-    pub fn epoch(&mut self, epoch: &FusedEpoch) {
-        for alarm in self.words.epoch(epoch, self.moment) {
+impl Sink for Status {
+    fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
+        for alarm in self.words.epoch(fused.epoch, self.moment) {
             tracing::warn!("{alarm}");
         }
+        Ok(())
     }
 
-    /// Looks at the clock.
-    pub fn look(&mut self, moment: Moment) {
+    fn tick(&mut self, moment: Moment) -> anyhow::Result<()> {
         self.moment = moment;
         if self.board.is_due(moment.now) {
             self.board.show(&self.words.lines(moment));
         }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>, _text: &str) -> Result<Option<Written>, String> {
+        Ok(None)
     }
 }
 

@@ -143,11 +143,11 @@ fn outputs_that_would_overwrite_something_are_refused() {
 fn outputs_that_are_there_are_replaced_only_when_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    for output in ["--recording", "--report", "--positions"] {
+    for output in ["--recording", "--report", "--positions", "--states"] {
         std::fs::write(at("old"), "precious").unwrap();
         // Those that come before it do not appear either.
-        let arguments = ["demo", "--recording", "new.rrd", "--report", "new.json", "--positions", "new.csv"];
-        let mut arguments = Vec::from(arguments);
+        let mut arguments = vec!["demo", "--recording", "new.rrd", "--report", "new.json"];
+        arguments.extend(["--positions", "new.csv", "--states", "new.jsonl"]);
         let place = arguments.iter().position(|argument| *argument == output).unwrap() + 1;
         arguments[place] = "old";
         let text = failure(folder.path(), &arguments);
@@ -159,19 +159,21 @@ fn outputs_that_are_there_are_replaced_only_when_asked_for() {
         arguments.push("--overwrite");
         hub(folder.path(), &arguments).success();
         assert_ne!(std::fs::read(at("old")).unwrap(), b"precious", "{output}");
-        for name in ["new.rrd", "new.json", "new.csv"] {
+        for name in ["new.rrd", "new.json", "new.csv", "new.jsonl"] {
             let _ = std::fs::remove_file(at(name));
         }
     }
 }
 
 #[test]
-fn positions_are_a_table_with_a_row_for_each_phone_and_epoch() {
+fn positions_and_states_have_a_row_for_each_phone_and_epoch() {
     let folder = tempfile::tempdir().unwrap();
-    let arguments = ["demo", "--positions", "demo.csv", "--report", "demo.json"];
+    let arguments = ["demo", "--positions", "demo.csv", "--report", "demo.json", "--states", "demo.jsonl"];
     let assert = hub(folder.path(), &arguments).success();
-    assert!(String::from_utf8_lossy(&assert.get_output().stdout).contains("Positions: demo.csv"));
+    let said = String::from_utf8_lossy(&assert.get_output().stdout).into_owned();
+    assert!(said.contains("Positions: demo.csv\nStates: demo.jsonl"), "{said}");
     let text = std::fs::read_to_string(folder.path().join("demo.csv")).unwrap();
+    agree(&text, &std::fs::read_to_string(folder.path().join("demo.jsonl")).unwrap());
     let json = std::fs::read_to_string(folder.path().join("demo.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&json).unwrap();
     let header = text.lines().next().unwrap();
@@ -192,12 +194,52 @@ fn positions_are_a_table_with_a_row_for_each_phone_and_epoch() {
     }
 }
 
+/// The lines of the states say what the rows of the table say; the covariance is that of the standard deviations.
+fn agree(rows: &str, lines: &str) {
+    assert_eq!(rows.lines().count(), lines.lines().count() + 1);
+    let mut without_message = 0;
+    for (row, line) in rows.lines().skip(1).zip(lines.lines()) {
+        let row: Vec<&str> = row.split(',').collect();
+        let line: serde_json::Value = serde_json::from_str(line).unwrap();
+        let number = |pointer: &str| line.pointer(pointer).and_then(serde_json::Value::as_f64).unwrap();
+        assert_eq!(
+            (line["phone"].as_str(), number("/time_gps/week").to_string().as_str()),
+            (Some(row[2]), row[0])
+        );
+        for (column, pointer, tolerance) in [
+            (1, "/time_gps/tow_s", 1e-8),
+            (3, "/latitude_deg", 1e-10),
+            (4, "/longitude_deg", 1e-10),
+            (5, "/height_m", 1e-4),
+            (6, "/velocity_enu_mps/1", 1e-4),
+            (7, "/velocity_enu_mps/0", 1e-4),
+            (8, "/velocity_enu_mps/2", 1e-4),
+            (10, "/position_sigma_enu_m/1", 1e-4),
+            (11, "/position_sigma_enu_m/0", 1e-4),
+            (12, "/position_sigma_enu_m/2", 1e-4),
+        ] {
+            let (a, b): (f64, f64) = (row[column].parse().unwrap(), number(pointer));
+            assert!((a - b).abs() < tolerance, "{pointer}: {a} {b}");
+        }
+        for axis in 0..3 {
+            let sigma_m = number(&format!("/position_sigma_enu_m/{axis}"));
+            let variance = number(&format!("/position_covariance_enu_m2/{axis}/{axis}"));
+            assert!((sigma_m * sigma_m - variance).abs() < 1e-9 * variance);
+        }
+        without_message += usize::from(line["verdict"].is_null());
+        assert_eq!(line["verdict"].as_str().unwrap_or_default(), row[17]);
+        assert_eq!(line["satellites"].as_u64().map_or_else(String::new, |count| count.to_string()), row[16]);
+    }
+    assert!(without_message > 0, "the demonstration has phones that fall silent");
+}
+
 #[test]
 fn a_session_that_fails_leaves_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();
     let session = "group = 'g'\n[[phone]]\nname = 'a'\nobservations = 'missing.rnx'\n";
     std::fs::write(folder.path().join("session.toml"), session).unwrap();
-    let outputs = ["--recording", "a.rrd", "--report", "a.json", "--positions", "a.csv"];
+    let outputs =
+        ["--recording", "a.rrd", "--report", "a.json", "--positions", "a.csv", "--states", "a.jsonl"];
     let arguments: Vec<&str> = ["replay", "session.toml"].into_iter().chain(outputs).collect();
     assert!(failure(folder.path(), &arguments).contains("missing.rnx"));
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 
 use cofix_agent::Stop;
 use cofix_common::accuracy::Accuracy;
+use cofix_hub::outputs::OutputFiles;
 use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
 use cofix_hub::scores::ByPhone;
 use cofix_hub::session::Session;
@@ -56,8 +57,11 @@ fn check(name: &str, method: &str, phones: &ByPhone, measured: Percentiles) {
 fn check_session(measured: &Measured) -> (Plan, Outcome) {
     let plan = plan(measured.session);
     let folder = tempfile::tempdir().unwrap();
-    let options =
-        ReplayOptions { recording: Some(folder.path().join("run.rrd")), ..ReplayOptions::default() };
+    let path = folder.path().join("run.rrd");
+    let options = ReplayOptions {
+        files: OutputFiles { recording: Some(path.clone()), ..OutputFiles::default() },
+        ..ReplayOptions::default()
+    };
     let outcome = replay(&plan, &options, &Stop::default()).unwrap();
     let methods = &outcome.report.methods;
     check(measured.session, "wls", &methods.wls, measured.wls);
@@ -66,7 +70,7 @@ fn check_session(measured: &Measured) -> (Plan, Outcome) {
     for (joint, local) in accuracies(&methods.joint).iter().zip(accuracies(&methods.local)) {
         assert!(joint.horizontal_p95_m < local.horizontal_p95_m, "{joint:?} against {local:?}");
     }
-    let bytes = outcome.recording.as_ref().unwrap().1.bytes;
+    let bytes = path.metadata().unwrap().len();
     assert!(bytes < 20_000_000, "{}: a recording of {bytes} bytes", measured.session);
     (plan, outcome)
 }

@@ -11,12 +11,18 @@ use cofix_common::constraint::Constraint;
 use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
 use cofix_common::simulation::PhoneOptions;
+use cofix_hub::outputs::OutputFiles;
 use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
 use cofix_tests::{limits, plan_of, small_plan};
 use cofix_viewer::summary::Summary;
 
 fn run(plan: &Plan) -> anyhow::Result<Outcome> {
     replay(plan, &ReplayOptions::default(), &Stop::default())
+}
+
+fn recording_to(path: PathBuf) -> ReplayOptions {
+    let files = OutputFiles { recording: Some(path), ..OutputFiles::default() };
+    ReplayOptions { files, ..ReplayOptions::default() }
 }
 
 fn failure(plan: &Plan) -> String {
@@ -130,12 +136,13 @@ fn missing_products_are_an_error() {
 #[test]
 fn a_recording_is_written_beside_the_report() {
     let folder = tempfile::tempdir().unwrap();
-    let recording = Some(folder.path().join("session.rrd"));
-    let options = ReplayOptions { recording, ..ReplayOptions::default() };
+    let recording = folder.path().join("session.rrd");
+    let options = recording_to(recording);
     let outcome = replay(&small_plan(2, 20.0).unwrap(), &options, &Stop::default()).unwrap();
-    let (path, recorded) = outcome.recording.unwrap();
-    assert_eq!(std::fs::metadata(path).unwrap().len(), recorded.bytes);
-    assert_eq!(recorded.epochs as u64, outcome.report.epochs);
+    let written = outcome.written.first().unwrap();
+    assert_eq!((written.title, written.path.is_file()), ("Recording", true));
+    let epochs = format!(" MB, {} epochs", outcome.report.epochs);
+    assert!(written.figures.ends_with(&epochs), "{written:?}");
 }
 
 #[test]
@@ -152,8 +159,11 @@ fn a_replay_that_is_aborted_leaves_nothing_behind() {
     let at = |name: &str| folder.path().join(name);
     let stop = Stop::default();
     let options = ReplayOptions {
-        recording: Some(at("session.rrd")),
-        positions: Some(at("positions.csv")),
+        files: OutputFiles {
+            recording: Some(at("session.rrd")),
+            positions: Some(at("positions.csv")),
+            ..OutputFiles::default()
+        },
         speed: Speed::Times(5.0),
         ..ReplayOptions::default()
     };
@@ -213,11 +223,12 @@ fn files_that_are_there_are_replaced_only_when_asked_for() {
     {
         let there = folder.path().join(there);
         std::fs::write(&there, "precious").unwrap();
-        let options = ReplayOptions { recording: Some(recording.clone()), ..ReplayOptions::default() };
+        let mut options = recording_to(recording.clone());
         let error = format!("{:#}", replay(&plan, &options, &Stop::default()).unwrap_err());
         assert!(error.contains(said) && error.contains("--overwrite"), "{error}");
         assert_eq!(std::fs::read_to_string(&there).unwrap(), "precious");
-        replay(&plan, &ReplayOptions { overwrite: true, ..options }, &Stop::default()).unwrap();
+        options.files.overwrite = true;
+        replay(&plan, &options, &Stop::default()).unwrap();
         let left: Vec<_> =
             std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
         assert_eq!(left, ["session.rrd"]);
@@ -239,10 +250,10 @@ fn a_recording_that_breaks_off_costs_nothing_else() {
         std::fs::File::open(reader).unwrap().take(200_000).read_to_end(&mut first).unwrap()
     });
     let plan = small_plan(2, 600.0).unwrap();
-    let options = ReplayOptions { recording: Some(path), ..ReplayOptions::default() };
+    let options = recording_to(path);
     let outcome = replay(&plan, &options, &Stop::default()).unwrap();
     assert_eq!(reader.join().unwrap(), 200_000);
-    assert!(outcome.recording.is_none());
+    assert!(outcome.written.is_empty(), "{:?}", outcome.written);
     let failure = outcome.failure.unwrap();
     assert!(failure.contains("session.rrd") && failure.contains("incomplete"), "{failure}");
     assert!(outcome.report.epochs >= 600, "{}", outcome.report.epochs);

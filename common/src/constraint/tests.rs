@@ -609,6 +609,18 @@ fn constraints_are_written_with_the_keys_of_their_kind_and_read_back() {
 }
 
 #[test]
+fn changes_of_values_are_written_in_units_for_people() {
+    let heading = Constraint::Heading(Heading { phone: 0, course_rad: 0.0, tolerance_rad: 0.1 });
+    for (constraint, before, written) in [
+        (distance(0.0, 2.0), 2.5, "2.50 → 1.00 m"),
+        (speed(0.0, 2.0), 2.5, "2.50 → 1.00 m/s"),
+        (heading, 2.0, "114.6 → 57.3° off course"),
+    ] {
+        assert_eq!(constraint.unit().change(before, 1.0), written);
+    }
+}
+
+#[test]
 fn a_constraint_is_multiplied_by_phones_and_pairs_and_its_phones_are_mapped() {
     let pairs: Vec<_> =
         distance(0.0, 2.0).among(&[4, 2, 7]).iter().map(|pair| pair.phones().to_vec()).collect();

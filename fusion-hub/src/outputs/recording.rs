@@ -1,19 +1,37 @@
 //! A recording that has its name only when it is whole.
 
 use std::ffi::OsString;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::bail;
 use cofix_agent::files::{Named, check_absent};
-
+use cofix_agent::status::Moment;
 use cofix_common::recording::INCOMPLETE;
 
+use super::sink::{Fused, Opening, Sink, Written};
 use crate::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
+
+/// How long an epoch of a live session waits to be written.
+const LIVE_AGE: Duration = Duration::from_secs(10);
+
+/// Opens a recording.
+///
+/// # Errors
+/// When the file cannot be created.
+pub(super) fn open(opening: &Opening<'_>) -> anyhow::Result<Box<dyn Sink>> {
+    let config = RecorderConfig { group: opening.group.to_owned(), phones: opening.phones.to_vec() };
+    let mut file = RecordingFile::create(opening.path, opening.overwrite, &config)?;
+    if opening.is_live {
+        file.keep_live(LIVE_AGE);
+    }
+    Ok(Box::new(file))
+}
 
 /// A recording at work. It is written as `NAME.partial.rrd` and gets its name at the end: what has the name is whole, and what
 /// a killed hub leaves can be told from it and opened. A pipe or a device is written directly.
-pub(super) struct RecordingFile {
+struct RecordingFile {
     recorder: Recorder,
     path: PathBuf,
     partial: Option<PathBuf>,
@@ -27,7 +45,7 @@ impl RecordingFile {
     ///
     /// # Errors
     /// When a file of that name is there, finished or not, or it cannot be created.
-    pub(super) fn create(path: &Path, overwrite: bool, config: &RecorderConfig) -> anyhow::Result<Self> {
+    fn create(path: &Path, overwrite: bool, config: &RecorderConfig) -> anyhow::Result<Self> {
         let partial = path.symlink_metadata().map_or(true, |there| there.is_file()).then(|| partial(path));
         if !overwrite {
             check_absent(&Named::new("the recording", path))?;
@@ -44,12 +62,8 @@ impl RecordingFile {
         Ok(Self { recorder, path: path.to_owned(), partial, overwrite, is_live: false })
     }
 
-    pub(super) fn recorder(&mut self) -> &mut Recorder {
-        &mut self.recorder
-    }
-
     /// Of a live session: what is older than `age` is written at every look at the clock, and kept whatever happens.
-    pub(super) fn keep_live(&mut self, age: Duration) {
+    fn keep_live(&mut self, age: Duration) {
         self.recorder.write_after(age);
         self.is_live = true;
     }
@@ -58,7 +72,7 @@ impl RecordingFile {
     ///
     /// # Errors
     /// Why it is not whole, or has not its name, and where it is.
-    pub(super) fn finish(self, table: &str) -> Result<(PathBuf, Recorded), String> {
+    fn put_in_place(self, table: &str) -> Result<(PathBuf, Recorded), String> {
         let Self { recorder, path, partial, overwrite, is_live } = self;
         let recorded = match recorder.finish(table) {
             Ok(recorded) => recorded,
@@ -85,10 +99,26 @@ impl RecordingFile {
             )),
         }
     }
+}
 
-    /// Ends a file that will not be whole: one of a live session is left under its other name, one of a replay, which can be
-    /// made again, is removed. Says where and why.
-    pub(super) fn give_up(self, why: &dyn std::fmt::Display) -> String {
+impl Sink for RecordingFile {
+    fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
+        Ok(self.recorder.record(fused.epoch, &fused.references())?)
+    }
+
+    fn tick(&mut self, _moment: Moment) -> anyhow::Result<()> {
+        Ok(self.recorder.tick()?)
+    }
+
+    fn finish(self: Box<Self>, text: &str) -> Result<Option<Written>, String> {
+        let (path, recorded) = self.put_in_place(text)?;
+        let megabytes = recorded.bytes as f64 * 1e-6;
+        let figures = format!("{megabytes:.1} MB, {} epochs", recorded.epochs);
+        Ok(Some(Written { title: "Recording", path, figures, skips: recorded.skips }))
+    }
+
+    /// One of a live session is left under its other name, one of a replay, which can be made again, is removed.
+    fn give_up(self: Box<Self>, why: &dyn Display) -> String {
         if !self.is_live {
             let text = failure(&self.path, None, why);
             self.remove();
@@ -100,8 +130,11 @@ impl RecordingFile {
         text
     }
 
-    /// Leaves nothing behind.
-    pub(super) fn remove(self) {
+    fn keep(self: Box<Self>, why: &dyn Display) -> Result<(), String> {
+        Err(self.give_up(why))
+    }
+
+    fn remove(self: Box<Self>) {
         drop(self.recorder);
         if let Some(partial) = self.partial {
             let _ = std::fs::remove_file(partial);
@@ -109,7 +142,7 @@ impl RecordingFile {
     }
 }
 
-fn failure(path: &Path, partial: Option<&Path>, why: &dyn std::fmt::Display) -> String {
+fn failure(path: &Path, partial: Option<&Path>, why: &dyn Display) -> String {
     let place = partial.map_or_else(String::new, |partial| format!("; it is left as {}", partial.display()));
     format!("{}: the recording is incomplete: {why}{place}", path.display())
 }
@@ -150,10 +183,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.rrd");
         let config = RecorderConfig { group: "g".to_owned(), phones: vec!["a".to_owned()] };
-        let create = |overwrite| RecordingFile::create(&path, overwrite, &config);
+        let create = |overwrite| RecordingFile::create(&path, overwrite, &config).map(Box::new);
         let file = create(false).unwrap();
         assert_eq!(names(folder.path()), ["drive.partial.rrd"]);
-        let (place, recorded) = file.finish("table").unwrap();
+        let (place, recorded) = file.put_in_place("table").unwrap();
         assert_eq!((place.as_path(), recorded.bytes), (path.as_path(), path.metadata().unwrap().len()));
         assert_eq!(names(folder.path()), ["drive.rrd"]);
         assert!(create(false).err().unwrap().to_string().contains("there is a file already"));

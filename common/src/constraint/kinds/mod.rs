@@ -108,7 +108,7 @@ pub struct At<'a> {
 /// How a value is written for people.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
-    /// The unit's name with what it counts, as `m/s`.
+    /// The unit as it follows a number, as ` m/s`.
     pub name: &'static str,
     /// How many there are in one SI unit.
     pub per_si: f64,
@@ -117,13 +117,13 @@ pub struct Unit {
 }
 
 impl Unit {
-    const METRES: Self = Self { name: "m", per_si: 1.0, decimals: 2 };
-    const METRES_PER_SECOND: Self = Self { name: "m/s", per_si: 1.0, decimals: 2 };
+    const METRES: Self = Self { name: " m", per_si: 1.0, decimals: 2 };
+    const METRES_PER_SECOND: Self = Self { name: " m/s", per_si: 1.0, decimals: 2 };
 
     /// A change of a value: `12.00 → 5.00 m`.
     pub fn change(&self, before: f64, after: f64) -> String {
         let Self { name, per_si, decimals } = *self;
-        format!("{:.decimals$} → {:.decimals$} {name}", before * per_si, after * per_si)
+        format!("{:.decimals$} → {:.decimals$}{name}", before * per_si, after * per_si)
     }
 }
 

@@ -1,0 +1,37 @@
+//! Fused states for listeners on Zenoh: a message for each phone that has a state.
+
+use cofix_common::constraint::{ConstraintAction, ConstraintOutcome};
+use cofix_common::fusion::engine::FusedEpoch;
+use cofix_common::wire::FusedMessage;
+
+use super::sink::{Fused, Sink, Written};
+use crate::network::FusedPublisher;
+
+impl Sink for FusedPublisher {
+    fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
+        let messages =
+            fused.phones.iter().enumerate().filter_map(|(index, name)| message(fused.epoch, index, name));
+        messages.into_iter().try_for_each(|message| self.publish(&message))
+    }
+
+    fn finish(self: Box<Self>, _text: &str) -> Result<Option<Written>, String> {
+        Ok(None)
+    }
+}
+
+fn message(epoch: &FusedEpoch, index: usize, name: &str) -> Option<FusedMessage> {
+    let phone = epoch.phones.get(index)?;
+    let acted = epoch.actions.iter().filter(|action| concerns(action, index)).count();
+    Some(FusedMessage {
+        phone: name.to_owned(),
+        time_gps: epoch.time_gps,
+        state: phone.state.clone()?,
+        verdict: phone.message.as_ref().map(|message| message.raim.verdict),
+        constraints_acted: u16::try_from(acted).unwrap_or(u16::MAX),
+    })
+}
+
+/// Whether a constraint was applied to a phone.
+fn concerns(action: &ConstraintAction, index: usize) -> bool {
+    !matches!(action.outcome, ConstraintOutcome::Skipped(_)) && action.constraint.phones().contains(&index)
+}

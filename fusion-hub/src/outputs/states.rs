@@ -1,0 +1,99 @@
+//! Fused states as JSON lines: one object for each phone at each epoch of the group (`docs/states.md` has the keys).
+
+use std::io::{self, Write};
+
+use anyhow::Context;
+use cofix_agent::files::{Named, OutputFile};
+use cofix_common::filter::PhoneState;
+use cofix_common::frames::LocalFrame;
+use cofix_common::fusion::engine::FusedPhone;
+use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+use nalgebra::Matrix3;
+use serde::Serialize;
+
+use super::sink::{Fused, Opening, Sink, Written};
+use crate::report::satellites_used;
+
+/// One line. Vectors are east, north, up.
+#[derive(Serialize)]
+struct Line<'a> {
+    time_gps: Time,
+    phone: &'a str,
+    latitude_deg: f64,
+    longitude_deg: f64,
+    height_m: f64,
+    velocity_enu_mps: [f64; 3],
+    position_sigma_enu_m: [f64; 3],
+    position_covariance_enu_m2: [[f64; 3]; 3],
+    satellites: Option<usize>,
+    verdict: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Time {
+    week: i64,
+    tow_s: f64,
+}
+
+/// The lines in a file.
+struct StateFile(OutputFile);
+
+/// Opens the file.
+///
+/// # Errors
+/// When it cannot be created.
+pub(super) fn open(opening: &Opening<'_>) -> anyhow::Result<Box<dyn Sink>> {
+    let named = Named::new("the states", opening.path);
+    Ok(Box::new(StateFile(OutputFile::create(named, opening.overwrite)?)))
+}
+
+impl Sink for StateFile {
+    fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
+        let time_gps = fused.epoch.time_gps;
+        let lines = fused.phones.iter().zip(&fused.epoch.phones);
+        let lines =
+            lines.filter_map(|(name, phone)| Some(line(time_gps, name, phone, phone.state.as_ref()?)));
+        lines
+            .into_iter()
+            .try_for_each(|line| write(&mut self.0, &line))
+            .with_context(|| format!("{}: cannot write the states", self.0.path().display()))
+    }
+
+    fn finish(self: Box<Self>, _text: &str) -> Result<Option<Written>, String> {
+        let path = self.0.path().to_owned();
+        self.0.commit().map_err(|error| error.to_string())?;
+        Ok(Some(Written { title: "States", path, figures: String::new(), skips: Skips::default() }))
+    }
+}
+
+fn write(file: &mut OutputFile, line: &Line<'_>) -> io::Result<()> {
+    let mut text = serde_json::to_string(line)?;
+    text.push('\n');
+    file.write_all(text.as_bytes())
+}
+
+fn line<'a>(time_gps: GpsTime, name: &'a str, phone: &FusedPhone, state: &PhoneState) -> Line<'a> {
+    let position = state.position().ecef_to_geodetic();
+    let frame = LocalFrame::at(state.position());
+    let velocity = frame.vector_ecef_to_enu(state.velocity());
+    let covariance: Matrix3<f64> = state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    let enu = frame.covariance_ecef_to_enu(&covariance);
+    let message = phone.message.as_ref();
+    Line {
+        time_gps: Time { week: time_gps.week(), tow_s: time_gps.tow_s() },
+        phone: name,
+        latitude_deg: position.latitude_deg(),
+        longitude_deg: position.longitude_deg(),
+        height_m: position.height_m,
+        velocity_enu_mps: [velocity.east, velocity.north, velocity.up],
+        position_sigma_enu_m: [enu.m11, enu.m22, enu.m33].map(|variance| variance.max(0.0).sqrt()),
+        position_covariance_enu_m2: [
+            [enu.m11, enu.m12, enu.m13],
+            [enu.m21, enu.m22, enu.m23],
+            [enu.m31, enu.m32, enu.m33],
+        ],
+        satellites: message.map(satellites_used),
+        verdict: message.map(|message| message.raim.verdict.to_string()),
+    }
+}
