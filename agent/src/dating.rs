@@ -8,7 +8,7 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use cofix_common::formats::rtcm::{Dating, DatingHint, FIRST_WEEK, StreamDates};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use cofix_common::time::leap_seconds_at;
 
@@ -62,20 +62,17 @@ fn notes(dates: &StreamDates, hint: DatingHint) -> Skips {
     let begins = dates.begins();
     match hint {
         DatingHint::Near(near) if dates.moved_s() != 0.0 => {
-            notes.add("the date given, or that of the orbits, is not that of the stream's ephemerides, which is taken", || {
-                format!("the stream begins at {begins}, {near} was given")
-            });
+            notes.add(Reason::DateGiven, || format!("the stream begins at {begins}, {near} was given"));
         }
         DatingHint::NotAfter(changed) if !dates.are_stated() => {
-            notes.add("no date was given: the week is that of the file's last change", || {
+            notes.add(Reason::NoDateGiven, || {
                 format!("the stream begins at {begins}, the file was last changed at {changed}; give --date")
             });
         }
         DatingHint::NotAfter(changed) if dates.moved_s() != 0.0 => {
-            notes.add(
-                "the file's last change is not of the week of the stream's ephemerides, which is taken",
-                || format!("the stream begins at {begins}, the file was last changed at {changed}"),
-            );
+            notes.add(Reason::FileLastChangeNotWeekStreamEphemerides, || {
+                format!("the stream begins at {begins}, the file was last changed at {changed}")
+            });
         }
         DatingHint::Near(_) | DatingHint::NotAfter(_) => {}
     }

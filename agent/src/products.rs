@@ -11,7 +11,7 @@ use cofix_common::formats::text::content;
 use cofix_common::gnss::{ObservationEpoch, SatelliteId};
 use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{BiasFile, ClockFile, GlonassEphemeris, KeplerEphemeris, Products, Sp3};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
 use crate::kinds;
@@ -72,7 +72,7 @@ fn load(files: &ProductFiles) -> Result<(Products, Skips), SourceError> {
         skips.merge(counted);
     }
     if let (true, Some(path)) = (precise.is_empty(), files.clock.first().or_else(|| files.bias.first())) {
-        skips.add("clock or bias file without SP3 orbits, not used", || path.display().to_string());
+        skips.add(Reason::ClocksWithoutSp3Orbits, || path.display().to_string());
     }
     let mut products = Products::new(precise, broadcast);
     products.add_clocks(clocks);
@@ -221,9 +221,9 @@ impl OwnNavigation {
 /// first epoch).
 pub(crate) fn note_shortcomings(time_gps: GpsTime, is_first: bool, products: &Products, skips: &mut Skips) {
     for (reason, coverage) in [
-        ("epoch outside the SP3 orbits", products.coverage()),
-        ("epoch outside the clock files, the clocks of the orbits used", products.clock_coverage()),
-        ("epoch outside the biases, group delays of navigation messages used", products.bias_coverage()),
+        (Reason::EpochOutsideOrbits, products.coverage()),
+        (Reason::EpochOutsideClocks, products.clock_coverage()),
+        (Reason::EpochOutsideBiases, products.bias_coverage()),
     ] {
         if let Some((first, last)) = coverage
             && (time_gps < first || time_gps > last)
@@ -235,17 +235,13 @@ pub(crate) fn note_shortcomings(time_gps: GpsTime, is_first: bool, products: &Pr
         && let Some(near) = near(products)
         && time_gps.rollover_weeks_to(near).is_some()
     {
-        skips.add("recording a multiple of 1,024 weeks from the orbits", || {
-            format!("{time_gps}{}", time_gps.rollover_hint(near))
-        });
+        skips.add(Reason::RecordingOffBy1024Weeks, || format!("{time_gps}{}", time_gps.rollover_hint(near)));
     }
     if is_first
         && let Some(age_s) = products.group_delay_age_s(time_gps)
         && age_s > STALE_GROUP_DELAYS_S
     {
-        skips.add("group delays more than a week from the observations, used all the same", || {
-            format!("{:.1} days at {time_gps}", age_s / 86_400.0)
-        });
+        skips.add(Reason::GroupDelaysOld, || format!("{:.1} days at {time_gps}", age_s / 86_400.0));
     }
 }
 

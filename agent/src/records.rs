@@ -2,7 +2,7 @@
 
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::gnsslogger;
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
 use crate::Stop;
@@ -104,7 +104,7 @@ impl Records {
             Portion::End => self.end(stop)?,
             Portion::Lost => {
                 let reason = self.bytes.failure_reason().unwrap_or("no reason is known").to_owned();
-                self.skips.add("source ended before its end", || reason);
+                self.skips.add(Reason::SourceEndedEarly, || reason);
                 self.end(stop)?;
             }
         }
@@ -112,7 +112,7 @@ impl Records {
     }
 
     fn count_break(&mut self) {
-        self.skips.add("connection lost and opened again, or file written anew", || {
+        self.skips.add(Reason::ConnectionOpenedAgain, || {
             self.last.map_or("before the first epoch".to_owned(), |time| format!("after {time}"))
         });
     }
@@ -136,8 +136,7 @@ impl Records {
         if let Some(last) = self.last
             && epoch.time_gps <= last
         {
-            self.skips
-                .add("epoch not later than the one before", || format!("{} after {last}", epoch.time_gps));
+            self.skips.add(Reason::EpochNotLater, || format!("{} after {last}", epoch.time_gps));
             return false;
         }
         self.last = Some(epoch.time_gps);

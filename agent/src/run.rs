@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use cofix_common::measurement::DifferentialCounts;
 use cofix_common::orbit::Products;
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::{EpochMessage, PhoneStatus, check_name};
 
@@ -17,7 +17,7 @@ use crate::publication::{Publication, PublicationError, Publisher};
 use crate::source::{self, Opened, Reading, SourceError};
 use crate::source_error;
 use crate::{AgentConfig, Source, Speed, Stop};
-use cofix_common::pipeline::{NO_SOLUTION, PhonePipeline};
+use cofix_common::pipeline::PhonePipeline;
 
 /// Why an agent's run failed.
 #[derive(Debug, thiserror::Error)]
@@ -140,8 +140,8 @@ pub fn run_watched(
         skips,
     };
     if report.solutions == 0 && report.epochs_published > 0 {
-        let reason = report.skips.iter().find(|(reason, _)| *reason == NO_SOLUTION);
-        let first = reason.map_or(String::new(), |(_, skip)| format!(": {}", skip.first));
+        let skipped = report.skips.get(Reason::EpochWithoutSolution);
+        let first = skipped.map_or(String::new(), |skip| format!(": {}", skip.first));
         let (phone, epochs) = (&config.phone, report.epochs_published);
         tracing::warn!("{phone}: none of {epochs} epochs has a position{first}");
     }

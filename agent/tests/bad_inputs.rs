@@ -13,6 +13,7 @@ use cofix_agent::inspect::{InspectOptions, Inspection, inspect};
 use cofix_agent::source::{Reading, survey};
 use cofix_agent::{Source, Stop};
 use cofix_common::formats::rinex::ObservationFile;
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -106,13 +107,13 @@ fn undamaged_recordings_are_read_in_full() {
 fn truncated_files() {
     let bench = Bench::new();
     for (recording, reason) in all().into_iter().zip([
-        "last epoch is cut off",
-        "last epoch is cut off",
-        "last epoch is cut off",
-        "last line is cut off",
-        "last line is cut off",
-        "last line is cut off",
-        "frame cut off by the end of the stream",
+        Reason::LastEpochCutOff.text(),
+        Reason::LastEpochCutOff.text(),
+        Reason::LastEpochCutOff.text(),
+        Reason::LastLineCutOff.text(),
+        Reason::LastLineCutOff.text(),
+        Reason::LastLineCutOff.text(),
+        Reason::FrameCutOff.text(),
     ]) {
         let mut bytes = recording.bytes();
         bytes.truncate(bytes.len() - recording.epochs[0].len() * 3 / 5);
@@ -154,13 +155,13 @@ fn wrong_versions_are_refused_with_what_is_read() {
 fn epochs_twice_and_out_of_order() {
     let bench = Bench::new();
     for (name, twice, (back, epochs)) in [
-        ("RINEX 2", "epoch repeats the time of the one before", ("epoch steps back in time", 11)),
-        ("RINEX 3", "epoch repeats the time of the one before", ("epoch steps back in time", 11)),
-        ("Compact RINEX", "epoch repeats the time of the one before", ("epoch steps back in time", 11)),
-        ("GnssLogger", "signal repeated in its epoch", ("line steps back in time", 11)),
-        ("challenge table", "signal twice in one epoch", ("", 12)),
-        ("spare log", "epoch repeats the time of the one before", ("epoch steps back in time", 11)),
-        ("RTCM 3", "message repeated", ("message older than the epoch before it", 11)),
+        ("RINEX 2", Reason::EpochRepeatsTime.text(), (Reason::EpochStepsBack.text(), 11)),
+        ("RINEX 3", Reason::EpochRepeatsTime.text(), (Reason::EpochStepsBack.text(), 11)),
+        ("Compact RINEX", Reason::EpochRepeatsTime.text(), (Reason::EpochStepsBack.text(), 11)),
+        ("GnssLogger", Reason::SignalRepeated.text(), (Reason::LineStepsBack.text(), 11)),
+        ("challenge table", Reason::SignalTwice.text(), ("", 12)),
+        ("spare log", Reason::EpochRepeatsTime.text(), (Reason::EpochStepsBack.text(), 11)),
+        ("RTCM 3", Reason::MessageRepeated.text(), (Reason::MessageOlderThanEpoch.text(), 11)),
     ] {
         let recording = named(name);
         let mut again = recording.clone();
@@ -176,20 +177,20 @@ fn epochs_twice_and_out_of_order() {
 fn satellites_out_of_range() {
     let bench = Bench::new();
     for (recording, from, to, reason) in [
-        (rinex_2(12), "G 7", "G00", "unknown satellite"),
-        (rinex_2(12), "G 7", "X 7", "unknown satellite"),
-        (rinex_3(12), "G07", "G00", "unknown satellite"),
-        (rinex_3(12), "G07", "?\u{7}7", "unknown satellite"),
-        (rinex_3(12), "G07", "E07", "satellite of a system without observation types"),
-        (compact(12), "G07", "G00", "unknown satellite"),
+        (rinex_2(12), "G 7", "G00", Reason::UnknownSatellite.text()),
+        (rinex_2(12), "G 7", "X 7", Reason::UnknownSatellite.text()),
+        (rinex_3(12), "G07", "G00", Reason::UnknownSatellite.text()),
+        (rinex_3(12), "G07", "?\u{7}7", Reason::UnknownSatellite.text()),
+        (rinex_3(12), "G07", "E07", Reason::SystemWithoutObservationTypes.text()),
+        (compact(12), "G07", "G00", Reason::UnknownSatellite.text()),
         (log(12), ",0.0,7,", ",0.0,207,", "satellite"),
         (log(12), ",0.0,7,", ",0.0,-7,", "satellite"),
-        (table(12), ",1,7,", ",1,0,", "satellite that is not used"),
-        (table(12), ",1,7,", ",19,7,", "satellite that is not used"),
-        (spare_log(12), "\"prn\":7,", "\"prn\":0,", "satellite index of no satellite"),
-        (spare_log(12), "\"prn\":7,", "\"prn\":166,", "satellite index of no satellite"),
-        (spare_log(12), "\"prn\":7,", "\"prn\":-7,", "satellite index of no satellite"),
-        (spare_log(12), "\"prn\":7,", "", "satellite index of no satellite"),
+        (table(12), ",1,7,", ",1,0,", Reason::SatelliteNotUsed.text()),
+        (table(12), ",1,7,", ",19,7,", Reason::SatelliteNotUsed.text()),
+        (spare_log(12), "\"prn\":7,", "\"prn\":0,", Reason::SatelliteIndexOfNoSatellite.text()),
+        (spare_log(12), "\"prn\":7,", "\"prn\":166,", Reason::SatelliteIndexOfNoSatellite.text()),
+        (spare_log(12), "\"prn\":7,", "\"prn\":-7,", Reason::SatelliteIndexOfNoSatellite.text()),
+        (spare_log(12), "\"prn\":7,", "", Reason::SatelliteIndexOfNoSatellite.text()),
         (
             spare_log(12),
             "\"prn\":7,\"snr\":45.0,\"type\":\"L1C\"",
@@ -203,7 +204,7 @@ fn satellites_out_of_range() {
     }
     let mut stream = rtcm(12);
     stream.epochs[4] = frame(&msm4(1_074, 397_144_000, &[7, 8, 64], 74));
-    bench.check("RTCM 3", &stream.bytes(), EPOCHS, "reserved satellite number");
+    bench.check("RTCM 3", &stream.bytes(), EPOCHS, Reason::ReservedSatelliteNumber.text());
 }
 
 #[test]
@@ -213,10 +214,10 @@ fn glonass_without_a_channel() {
         "",
         "",
         "",
-        "Doppler and phase without a carrier frequency",
+        Reason::DopplerWithoutCarrierFrequency.text(),
         "",
         "",
-        "phase and Doppler without a known GLONASS channel",
+        Reason::PhaseWithoutGlonassChannel.text(),
     ]) {
         let bytes = [recording.bytes(), recording.glonass.clone()].concat();
         let inspection = bench.check(recording.name, &bytes, EPOCHS + 1, reason);
@@ -231,12 +232,13 @@ fn lines_of_a_million_columns() {
     for mut recording in all() {
         let noise = vec![if recording.is_text { b'7' } else { 0xd3 }; 1_000_000];
         recording.epochs[4].extend([&noise, &b"\n"[..]].concat());
-        let reason = if recording.is_text { "line too long" } else { "byte outside any frame" };
+        let reason =
+            if recording.is_text { Reason::LineTooLong.text() } else { Reason::ByteOutsideAnyFrame.text() };
         bench.check(recording.name, &recording.bytes(), EPOCHS, reason);
         // And one that never ends.
         let mut endless = recording.bytes();
         endless.extend(&noise);
-        let reason = if recording.is_text { "line" } else { "byte outside any frame" };
+        let reason = if recording.is_text { "line" } else { Reason::ByteOutsideAnyFrame.text() };
         bench.check(&format!("{} at the end", recording.name), &endless, EPOCHS, reason);
     }
 }
@@ -245,20 +247,20 @@ fn lines_of_a_million_columns() {
 fn invalid_text() {
     let bench = Bench::new();
     for (recording, from, reason) in [
-        (rinex_2(12), "22100000.000", "value is not F14.3"),
-        (rinex_3(12), "22100000.000", "value is not F14.3"),
+        (rinex_2(12), "22100000.000", Reason::ValueNotF14.text()),
+        (rinex_3(12), "22100000.000", Reason::ValueNotF14.text()),
         (compact(12), "3&22100000000", "Hatanaka"),
         (log(12), "16431", "State"),
-        (table(12), "22100000.000", "value missing or not a number"),
+        (table(12), "22100000.000", Reason::ValueMissing.text()),
     ] {
         let bytes = recording.replaced(3..5, from, b"\xff\xfe\xc3\x28\xed\xa0\x80");
         bench.check(recording.name, &bytes, EPOCHS, reason);
     }
     // All of an epoch is one line.
     let bytes = spare_log(12).replaced(3..5, "22100000.000", b"\xff\xfe\xc3\x28\xed\xa0\x80");
-    bench.check("spare log", &bytes, EPOCHS - 2, "line is not JSON");
+    bench.check("spare log", &bytes, EPOCHS - 2, Reason::LineNotJson.text());
     for mut recording in all() {
-        let reason = if recording.is_text { "line" } else { "byte outside any frame" };
+        let reason = if recording.is_text { "line" } else { Reason::ByteOutsideAnyFrame.text() };
         recording.epochs[6].extend(b"\xff\xfe\xc3\x28\x80\n");
         bench.check(recording.name, &recording.bytes(), EPOCHS, reason);
     }
@@ -274,55 +276,55 @@ fn absurd_values() {
         (rinex_3(12), "        45.000", "       999.000", "C/N0"),
         (compact(12), "3&22100000000", "3&9223372036854775807", "Hatanaka value cannot be read"),
         (compact(12), "3&22100000000", "3&9999999999999", "pseudorange"),
-        (log(12), ",45.0,", ",1e300,", "C/N0 outside 0 to 70 dB-Hz"),
-        (log(12), ",-190.5,", ",1e300,", "Doppler beyond 200 kHz"),
+        (log(12), ",45.0,", ",1e300,", Reason::Cn0OutOfRange.text()),
+        (log(12), ",-190.5,", ",1e300,", Reason::DopplerOutOfRange.text()),
         (log(12), ",0.0,7,", ",nan,7,", "BiasNanos"),
-        (table(12), "22100000.000", "1e30", "impossible value"),
+        (table(12), "22100000.000", "1e30", Reason::ImpossibleValue.text()),
         (table(12), "15600000.0", "-inf", "no corrections in the row"),
-        (spare_log(12), "22100000.000", "-1.0", "pseudorange outside 1e6 to 1e9 m"),
-        (spare_log(12), "22100000.000", "\"22100000\"", "value missing or not a number"),
+        (spare_log(12), "22100000.000", "-1.0", Reason::PseudorangeOutOfRange.text()),
+        (spare_log(12), "22100000.000", "\"22100000\"", Reason::ValueMissing.text()),
         (spare_log(12), "1.16E8", "-3.86E10", "phase beyond 9e9 cycles"),
-        (spare_log(12), "-1200.0", "1e300", "Doppler beyond 200 kHz"),
-        (spare_log(12), "45.0", "70.1", "C/N0 outside 0 to 70 dB-Hz"),
-        (spare_log(12), "\"lli\":0", "\"lli\":8", "loss-of-lock indicator is not 0 to 7"),
+        (spare_log(12), "-1200.0", "1e300", Reason::DopplerOutOfRange.text()),
+        (spare_log(12), "45.0", "70.1", Reason::Cn0OutOfRange.text()),
+        (spare_log(12), "\"lli\":0", "\"lli\":8", Reason::LossOfLockIndicatorOutOfRange.text()),
     ] {
         let what = format!("{} '{to}'", recording.name);
         bench.check(&what, &recording.replaced(3..5, from, to.as_bytes()), EPOCHS, reason);
     }
     let mut stream = rtcm(12);
     stream.epochs[4] = frame(&msm4(1_074, 397_144_000, &[7, 8], 1));
-    bench.check("RTCM 3", &stream.bytes(), EPOCHS - 1, "pseudorange below 1e6 m");
+    bench.check("RTCM 3", &stream.bytes(), EPOCHS - 1, Reason::PseudorangeTooShort.text());
 }
 
 #[test]
 fn absurd_times() {
     let bench = Bench::new();
     for (recording, from, to, reason) in [
-        (rinex_2(12), " 20  8 13", " 20 13 13", "line outside any epoch"),
-        (rinex_2(12), " 20  8 13", " 79  8 13", "epoch far from the one after it, left out"),
-        (rinex_3(12), "> 2020", "> 9999", "epoch line cannot be read"),
-        (rinex_3(12), "> 2020", "> 2120", "epoch far from the one after it, left out"),
-        (compact(12), "> 2020", "> 2120", "epoch far from the one after it, left out"),
+        (rinex_2(12), " 20  8 13", " 20 13 13", Reason::LineOutsideAnyEpoch.text()),
+        (rinex_2(12), " 20  8 13", " 79  8 13", Reason::EpochFarFromNext.text()),
+        (rinex_3(12), "> 2020", "> 9999", Reason::EpochLineUnreadable.text()),
+        (rinex_3(12), "> 2020", "> 2120", Reason::EpochFarFromNext.text()),
+        (compact(12), "> 2020", "> 2120", Reason::EpochFarFromNext.text()),
         // An hour of the same day.
-        (rinex_2(12), " 20  8 13 14", " 20  8 13 19", "epoch far from the one after it, left out"),
-        (rinex_3(12), "> 2020 08 13 14", "> 2020 08 13 19", "epoch far from the one after it, left out"),
-        (compact(12), "> 2020 08 13 14", "> 2020 08 13 19", "epoch far from the one after it, left out"),
-        (spare_log(12), "\"hour\":14", "\"hour\":19", "epoch far from the one after it, left out"),
-        (spare_log(12), "\"year\":2020", "\"year\":2120", "epoch far from the one after it, left out"),
-        (spare_log(12), "\"month\":8", "\"month\":13", "time of an epoch is none"),
-        (spare_log(12), "\"month\":8,", "", "line lacks its observations or time"),
+        (rinex_2(12), " 20  8 13 14", " 20  8 13 19", Reason::EpochFarFromNext.text()),
+        (rinex_3(12), "> 2020 08 13 14", "> 2020 08 13 19", Reason::EpochFarFromNext.text()),
+        (compact(12), "> 2020 08 13 14", "> 2020 08 13 19", Reason::EpochFarFromNext.text()),
+        (spare_log(12), "\"hour\":14", "\"hour\":19", Reason::EpochFarFromNext.text()),
+        (spare_log(12), "\"year\":2020", "\"year\":2120", Reason::EpochFarFromNext.text()),
+        (spare_log(12), "\"month\":8", "\"month\":13", Reason::EpochTimeInvalid.text()),
+        (spare_log(12), "\"month\":8,", "", Reason::LineLacksObservationsOrTime.text()),
     ] {
         let bytes = recording.replaced(4..5, from, to.as_bytes());
         bench.check(&format!("{} '{to}'", recording.name), &bytes, EPOCHS - 1, reason);
     }
     let mut stream = rtcm(12);
     stream.epochs[4] = frame(&msm4(1_074, 700_000_000, &[7, 8], 74));
-    bench.check("RTCM 3", &stream.bytes(), EPOCHS - 1, "message with an impossible time");
+    bench.check("RTCM 3", &stream.bytes(), EPOCHS - 1, Reason::MessageImpossibleTime.text());
     stream.epochs[4] = frame(&msm4(1_074, 450_000_000, &[7, 8], 74));
-    bench.check("RTCM 3", &stream.bytes(), EPOCHS - 1, "message far ahead of those around it, left out");
+    bench.check("RTCM 3", &stream.bytes(), EPOCHS - 1, Reason::MessageFarAhead.text());
     // One line of two; the other satellite keeps the epoch.
     let bytes = log(12).replaced(4..5, "Raw,5", b"Raw,9995");
-    bench.check("GnssLogger", &bytes, EPOCHS, "mask: pseudorange");
+    bench.check("GnssLogger", &bytes, EPOCHS, Reason::MaskPseudorange.text());
 }
 
 #[test]

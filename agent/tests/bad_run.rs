@@ -11,6 +11,7 @@ use std::sync::Arc;
 use assert_cmd::Command;
 use cofix_agent::{AgentConfig, ProductSource, Source, Stop, run};
 use cofix_common::simulation::{Scenario, Simulation};
+use cofix_common::skips::Reason;
 use cofix_common::wire::PhoneStatus;
 use hub_support::Hub;
 use recordings::{Recording, compact, log, rinex_2, rinex_3, rtcm, table};
@@ -24,10 +25,10 @@ fn spoiled(format: fn(i64) -> Recording) -> (Recording, [&'static str; 2]) {
     recording.epochs[6].extend(long);
     recording.epochs[8].extend(b"\xff\xfe\x80\n");
     let due = match recording.name {
-        "RINEX 2" | "RINEX 3" | "Compact RINEX" => ["epoch repeats the time", "line too long"],
-        "GnssLogger" => ["signal repeated in its epoch", "line too long"],
-        "challenge table" => ["signal twice in one epoch", "line too long"],
-        _ => ["message repeated", "byte outside any frame"],
+        "RINEX 2" | "RINEX 3" | "Compact RINEX" => ["epoch repeats the time", Reason::LineTooLong.text()],
+        "GnssLogger" => [Reason::SignalRepeated.text(), Reason::LineTooLong.text()],
+        "challenge table" => [Reason::SignalTwice.text(), Reason::LineTooLong.text()],
+        _ => [Reason::MessageRepeated.text(), Reason::ByteOutsideAnyFrame.text()],
     };
     (recording, due)
 }

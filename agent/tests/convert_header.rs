@@ -9,7 +9,7 @@ use cofix_agent::convert::{Converted, Outputs, convert};
 use cofix_agent::source::Reading;
 use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::frames::{Ecef, Geodetic};
-use cofix_common::gnss::NOT_OF_ITS_GENERATION;
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use recordings::{frame, log, msm4_of, rinex_3, rtcm};
 
@@ -131,5 +131,5 @@ fn signals_of_other_satellites_are_left_out_and_counted() {
     let names: Vec<String> =
         file.epochs[0].observations.iter().map(|o| format!("{} {}", o.satellite, o.signal)).collect();
     assert_eq!(names, ["C07 7I"]);
-    assert!(converted.skips.count(NOT_OF_ITS_GENERATION) >= 3, "{}", converted.skips);
+    assert!(converted.skips.count(Reason::BeidouSignalOfOtherGeneration) >= 3, "{}", converted.skips);
 }

@@ -10,6 +10,7 @@ use std::time::{Duration, UNIX_EPOCH};
 use cofix_agent::inspect::{InspectOptions, Inspection, inspect};
 use cofix_agent::source::Reading;
 use cofix_agent::{Source, Stop};
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -18,11 +19,9 @@ use rtcm_rs::msg::Msg1019T;
 use rtcm_rs::{Message, MessageBuilder};
 
 const BEGIN: &str = "2020-06-27T23:59:58";
-const NO_DATE: &str = "no date was given: the week is that of the file's last change";
-const OTHER_CHANGE: &str =
-    "the file's last change is not of the week of the stream's ephemerides, which is taken";
-const OTHER_DATE: &str =
-    "the date given, or that of the orbits, is not that of the stream's ephemerides, which is taken";
+const NO_DATE: &str = Reason::NoDateGiven.text();
+const OTHER_CHANGE: &str = Reason::FileLastChangeNotWeekStreamEphemerides.text();
+const OTHER_DATE: &str = Reason::DateGiven.text();
 
 fn begin() -> GpsTime {
     BEGIN.parse().unwrap()

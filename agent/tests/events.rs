@@ -9,6 +9,7 @@ use cofix_agent::inspect::{InspectOptions, inspect};
 use cofix_agent::source::Reading;
 use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::gnss::EventKind;
+use cofix_common::skips::Reason;
 
 fn header(content: &str, label: &str) -> String {
     format!("{content:<60}{label}\n")
@@ -102,7 +103,7 @@ fn conversion_writes_events_in_their_places() {
         (EventKind::Header, EventKind::External, EventKind::NewSite, EventKind::CycleSlips);
     let first = [(0, text), (5, external), (5, site), (5, slips)];
     assert_eq!(at, [&first[..], &[(9, text), (17, external), (17, site), (17, slips)]].concat());
-    let layout = "header line of an event that says how its file was laid out, left out";
+    let layout = Reason::LayoutLineOfEvent.text();
     assert_eq!(converted.skips.count(layout), 4, "{}", converted.skips);
     // The header is that of the beginning.
     let text = std::fs::read_to_string(&output).unwrap();

@@ -16,6 +16,7 @@ use cofix_agent::records::{Records, RecordsError};
 use cofix_common::formats::decode::Record;
 use cofix_common::formats::format::Format;
 use cofix_common::gnss::ObservationEpoch;
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 
 const HEADER: &str = "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
@@ -120,7 +121,7 @@ fn a_file_written_anew_is_read_from_its_beginning() {
     for second in 20..24 {
         assert_eq!(next(&mut records, &stop).unwrap().time_gps, time(second));
     }
-    assert_eq!(records.skips().count("connection lost and opened again, or file written anew"), 1);
+    assert_eq!(records.skips().count(Reason::ConnectionOpenedAgain), 1);
 }
 
 /// As `rsync` and `adb pull` do: a new file of the same beginning takes the old one's name.
@@ -176,7 +177,7 @@ fn a_file_replaced_by_another_one_is_read_from_its_beginning() {
             assert_eq!(epoch.observations[0].cn0_dbhz, Some(45.0));
         }
         let skips = records.skips();
-        assert_eq!(skips.count("connection lost and opened again, or file written anew"), 1, "{skips}");
+        assert_eq!(skips.count(Reason::ConnectionOpenedAgain), 1, "{skips}");
         assert_eq!(skips.total(), 1, "{skips}");
     }
 }
@@ -234,8 +235,8 @@ fn a_lost_connection_is_opened_again() {
     assert_eq!(times[..4], (0..4).map(time).collect::<Vec<_>>());
     assert_eq!(times[times.len() - 4..], (6..10).map(time).collect::<Vec<_>>());
     let skips = records.skips();
-    assert_eq!(skips.count("connection lost and opened again, or file written anew"), 1, "{skips}");
-    assert_eq!(skips.count("source ended before its end"), 1, "the server is gone for good: {skips}");
+    assert_eq!(skips.count(Reason::ConnectionOpenedAgain), 1, "{skips}");
+    assert_eq!(skips.count(Reason::SourceEndedEarly), 1, "the server is gone for good: {skips}");
 }
 
 /// Some other service's greeting, over and over: not asked for ever.

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use cofix_agent::input::{Backoff, LiveSource};
 use cofix_agent::{AgentConfig, AgentReport, Source, Speed, Stop, run};
+use cofix_common::skips::Reason;
 use cofix_common::wire::PhoneStatus;
 use hub_support::Hub;
 
@@ -112,8 +113,8 @@ fn a_server_that_drops_the_connection_costs_no_later_epoch() {
     receive(&hub, 0..4);
     check(&hub, &report, 4);
     assert!(!report.stopped);
-    assert_eq!(report.skips.count("connection lost and opened again, or file written anew"), 1);
-    assert_eq!(report.skips.count("source ended before its end"), 1, "{}", report.skips);
+    assert_eq!(report.skips.count(Reason::ConnectionOpenedAgain), 1);
+    assert_eq!(report.skips.count(Reason::SourceEndedEarly), 1, "{}", report.skips);
 }
 
 /// A server that sends a header and goes.

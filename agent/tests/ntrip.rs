@@ -13,6 +13,7 @@ use caster::{CHUNKED, NOT_READ, TestCaster, chunked, exhaust, frame, frames, hea
 use cofix_agent::Stop;
 use cofix_agent::input::ntrip::{Caster, RoverPosition, sourcetable};
 use cofix_common::frames::Geodetic;
+use cofix_common::skips::Reason;
 
 #[test]
 fn a_caster_of_the_second_revision_is_asked_and_its_chunks_joined() {
@@ -117,7 +118,7 @@ fn a_stream_cut_in_the_middle_of_a_frame_goes_on_with_the_next() {
     exhaust(&mut records).unwrap();
     let skips = records.skips();
     assert_eq!(skips.count(NOT_READ), 3 + 2 + 1 + 1, "{skips}");
-    assert_eq!(skips.count("connection lost and opened again, or file written anew"), 3, "{skips}");
+    assert_eq!(skips.count(Reason::ConnectionOpenedAgain), 3, "{skips}");
     assert_eq!(caster.requests().len(), 5);
 }
 

@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use cofix_common::skips::Reason;
+
 use caster::{CHUNKED, NOT_READ, TestCaster, chunked, exhaust, frames, head, in_portions};
 use cofix_agent::Stop;
 use cofix_agent::input::Trust;
@@ -95,7 +97,7 @@ fn a_caster_with_a_trusted_certificate_is_read_in_either_revision_and_again_afte
     let skips = records.skips();
     let all = (300 + 2) as u64;
     assert!((all - 20..all).contains(&skips.count(NOT_READ)), "{skips}");
-    assert_eq!(skips.count("connection lost and opened again, or file written anew"), 1, "{skips}");
+    assert_eq!(skips.count(Reason::ConnectionOpenedAgain), 1, "{skips}");
     let requests = caster.requests();
     assert!(requests[0].contains("Authorization: Basic bWU6c2U6Y3JldA=="), "{}", requests[0]);
     assert!(requests[2].starts_with("GET /BASE HTTP/1.0\r\n"), "{}", requests[2]);

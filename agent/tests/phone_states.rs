@@ -13,7 +13,7 @@ use cofix_common::formats::decode::Record;
 use cofix_common::frames::{Ecef, Enu, Geodetic, LocalFrame};
 use cofix_common::orbit::Products;
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
 const HEADER: &str = "# Raw,TimeNanos,FullBiasNanos,BiasNanos,Svid,State,ReceivedSvTimeNanos,Cn0DbHz,ConstellationType,\
@@ -81,7 +81,7 @@ fn states_that_the_phone_gives_stand_in_for_products() {
     let error_m = position.unwrap().distance_m(site());
     // Times of transmission are whole nanoseconds.
     assert!(error_m < 1.0, "{error_m} m");
-    assert_eq!(skips.count("satellite state of the recording used, no product has one"), 18, "{skips}");
+    assert_eq!(skips.count(Reason::RecordedSatelliteStateUsed), 18, "{skips}");
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), log(0)).unwrap();
     let survey =

@@ -11,7 +11,7 @@ use crate::measurement::{
     DifferentialOptions, PreparedObservation, RecordedEpoch, StochasticModel, without_position,
 };
 use crate::orbit::Products;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::solve::{PointSolution, SolveError, solve_position, solve_velocity};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
@@ -20,8 +20,6 @@ use crate::formats::stream::StreamDecoder;
 
 /// An epoch-wise position further than this from the last one is solved again from its own corrections, m.
 const RECORRECT_M: f64 = 1_000.0;
-/// What is counted of an epoch without a position.
-pub const NO_SOLUTION: &str = "epoch without a solution";
 /// How often at most.
 const MOST_CORRECTIONS: usize = 4;
 
@@ -151,13 +149,12 @@ impl PhonePipeline {
             Ok(fit) => {
                 let solution = fit.to_solution(solve_velocity(&observations, fit.position()));
                 if solution.is_none() {
-                    self.skips
-                        .add("epoch whose geometry is singular without weights", || time_gps.to_string());
+                    self.skips.add(Reason::EpochWithSingularGeometry, || time_gps.to_string());
                 }
                 solution
             }
             Err(error) => {
-                self.skips.add(NO_SOLUTION, || format!("{time_gps}: {error}"));
+                self.skips.add(Reason::EpochWithoutSolution, || format!("{time_gps}: {error}"));
                 None
             }
         };
@@ -183,7 +180,7 @@ impl PhonePipeline {
         let mut all = self.skips.clone();
         all.merge(self.corrector.skips());
         for exclusion in self.corrector.idle_exclusions().filter(|_| self.sequence > 0) {
-            all.add(&format!("mask {exclusion} names nothing that occurs"), || {
+            all.add_about(Reason::MaskNamesNothing, exclusion, || {
                 format!("none of it in {} epochs", self.sequence)
             });
         }
@@ -248,13 +245,14 @@ impl PhonePipeline {
         wls: Option<(&PointSolution, Verdict)>,
     ) {
         for (_, silence_s) in self.filter.drop_silent(time_gps) {
-            self.skips
-                .add("local filter restarted", || format!("{time_gps}: no measurement for {silence_s:.1} s"));
+            self.skips.add(Reason::LocalFilterRestarted, || {
+                format!("{time_gps}: no measurement for {silence_s:.1} s")
+            });
         }
         self.filter.predict(time_gps);
         if let Some(reason) = self.restart_reason() {
             if !self.filter.is_empty() {
-                self.skips.add("local filter restarted", || format!("{time_gps}: {reason}"));
+                self.skips.add(Reason::LocalFilterRestarted, || format!("{time_gps}: {reason}"));
                 self.filter.remove(0);
             }
             if let Some((solution, verdict)) = wls {

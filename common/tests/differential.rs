@@ -14,6 +14,7 @@ use cofix_common::measurement::{
 use cofix_common::orbit::IonosphereTerms;
 use cofix_common::orbit::Products;
 use cofix_common::simulation::{PhoneOptions, Scenario, SimulatedEpoch, Simulation};
+use cofix_common::skips::Reason;
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
 
@@ -169,7 +170,7 @@ fn without_fresh_corrections_nothing_changes() {
     assert_eq!(observations, world.observations(6), "six are too many");
     assert_eq!(applied.counts.too_old, observations.len() as u64);
     let named = applied.skips.iter().next().unwrap();
-    assert_eq!(named.0, "epoch whose corrections are too old, used uncorrected");
+    assert_eq!(named.0, Reason::EpochWithOldCorrections.text());
     assert!(named.1.first.contains("6.0 s, the last are of"), "{}", named.1.first);
     // A base whose clock is ahead.
     let mut differential = world.differential(options);
@@ -178,7 +179,7 @@ fn without_fresh_corrections_nothing_changes() {
     assert_eq!(observations, world.observations(2), "eight seconds later are too many");
     assert_eq!((applied.counts.too_old, applied.counts.missing), (0, observations.len() as u64));
     let named = applied.skips.iter().next().unwrap();
-    assert_eq!(named.0, "epoch whose corrections are of later, used uncorrected");
+    assert_eq!(named.0, Reason::EpochBeforeCorrections.text());
     assert!(named.1.first.contains("the nearest are 8.0 s later"), "{}", named.1.first);
 }
 

@@ -10,7 +10,7 @@ use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::gnsslogger::{BiasReference, GnssLoggerDecoder, Masks, Options, state};
 use cofix_common::gnss::{Constellation, ObservationEpoch};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
 const HEADER: &str = "# Raw,TimeNanos,FullBiasNanos,BiasNanos,HardwareClockDiscontinuityCount,ConstellationType,Svid,State,\
@@ -225,7 +225,7 @@ fn code_types_that_cannot_be_are_counted() {
     ] {
         let (epochs, skips) = decode(&[Line { frequency, code, ..line }], Options::default());
         assert_eq!(epochs[0].observations[0].signal.to_string(), expected, "{frequency} {code}");
-        let reason = "CodeType of no signal on its band (the usual one assumed; used)";
+        let reason = Reason::CodeTypeOfNoSignal.text();
         assert_eq!((skips.count(reason), skips.total()), (odd, odd), "{skips}");
     }
 }

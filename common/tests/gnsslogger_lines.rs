@@ -10,7 +10,7 @@ use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::gnsslogger::{
     FixProvider, GnssLoggerDecoder, Masks, ModularTime, Options, StateRule, StateRules, state,
 };
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use log_lines::{
     DAY_NS, HEADER, Line, TRAVEL_NS, WEEK_NS, decode, decode_with, gps, log, metres, only, refusal,
@@ -119,7 +119,7 @@ fn carrier_values_and_their_flags() {
     assert!((o.doppler_hz.unwrap() - 190.5 * 1_599.75e6 / SPEED_OF_LIGHT_MPS).abs() < 1e-9);
     let decoded = decode(&log(&[Line { frequency: "", ..glonass }]));
     assert_eq!(decoded.epochs[0].observations[0].doppler_hz, None);
-    assert_eq!(decoded.skips.count("Doppler and phase without a carrier frequency"), 1);
+    assert_eq!(decoded.skips.count(Reason::DopplerWithoutCarrierFrequency), 1);
 }
 
 #[test]
@@ -133,23 +133,23 @@ fn each_mask_has_its_option_and_its_count() {
         (
             Line { multipath: "1", ..gps(0) },
             with(|m| m.reject_multipath = false),
-            "mask: multipath indicator",
+            Reason::MaskMultipath.text(),
         ),
         (
             Line { bias_uncertainty: 2e7, ..gps(0) },
             with(|m| m.max_bias_uncertainty_ns = 3e7),
-            "mask: clock bias uncertainty",
+            Reason::MaskClockBiasUncertainty.text(),
         ),
         (
             Line { uncertainty: 501, ..gps(0) },
             with(|m| m.max_received_time_uncertainty_ns = 501.0),
-            "mask: received time uncertainty",
+            Reason::MaskReceivedTimeUncertainty.text(),
         ),
-        (Line { cn0: 14.9, ..gps(0) }, with(|m| m.min_cn0_dbhz = 10.0), "mask: C/N0"),
+        (Line { cn0: 14.9, ..gps(0) }, with(|m| m.min_cn0_dbhz = 10.0), Reason::MaskCn0.text()),
         (
             Line { received: gps(0).received - 100_000_000, ..gps(0) },
             with(|m| m.pseudorange_m.1 = 6e7),
-            "mask: pseudorange",
+            Reason::MaskPseudorange.text(),
         ),
         (
             Line { state: state::CODE_LOCK, ..gps(0) },
@@ -158,7 +158,7 @@ fn each_mask_has_its_option_and_its_count() {
                     StateRule { tracked: 1, timed: 1, modular: [ModularTime::default(); 2], forbidden: 0 };
                 m.states = StateRules { gps: lax, ..StateRules::default() };
             }),
-            "mask: state bits",
+            Reason::MaskStateBits.text(),
         ),
     ];
     for (line, off, reason) in cases {
@@ -170,7 +170,7 @@ fn each_mask_has_its_option_and_its_count() {
     let decoded = decode(&log(std::slice::from_ref(&vague)));
     assert_eq!(decoded.epochs[0].observations[0].doppler_hz, None);
     assert!(decoded.epochs[0].observations[0].pseudorange_m.is_some());
-    assert_eq!(decoded.skips.count("mask: pseudorange rate uncertainty (code is used)"), 1);
+    assert_eq!(decoded.skips.count(Reason::MaskPseudorangeRateUncertainty), 1);
 }
 
 #[test]
@@ -191,18 +191,18 @@ fn states_that_leave_the_time_open() {
         (6, state::GAL_E1BC_CODE_LOCK | state::GAL_E1C_2ND_CODE_LOCK | state::MSEC_AMBIGUOUS),
     ] {
         let line = Line { system, state, svid: 5, frequency: "", code: "", ..gps(0) };
-        assert_eq!(refusal(&line), ["mask: state bits"], "{system} {state}");
+        assert_eq!(refusal(&line), [Reason::MaskStateBits.text()], "{system} {state}");
     }
     assert_eq!(
         refusal(&Line { system: 3, svid: 93, ..gps(0) }),
-        ["GLONASS satellite known by its frequency channel only"]
+        [Reason::GlonassSatelliteByChannelOnly.text()]
     );
-    assert_eq!(refusal(&Line { system: 9, ..gps(0) }), ["unknown constellation type"]);
-    assert_eq!(refusal(&Line { svid: 40, ..gps(0) }), ["satellite number outside its system"]);
+    assert_eq!(refusal(&Line { system: 9, ..gps(0) }), [Reason::UnknownConstellationType.text()]);
+    assert_eq!(refusal(&Line { svid: 40, ..gps(0) }), [Reason::SatelliteNumberOutOfRange.text()]);
     let frequency = Line { frequency: "1600000000", ..gps(0) };
-    assert_eq!(refusal(&frequency), ["carrier frequency of no signal of the system"]);
-    assert_eq!(refusal(&Line { gps_ns: 5_000_000_000, ..gps(0) }), ["clock outside the years 2010 to 2100"]);
-    assert_eq!(refusal(&Line { time_offset: 1.1e7, ..gps(0) }), ["measurement far from its epoch"]);
+    assert_eq!(refusal(&frequency), [Reason::CarrierFrequencyOfNoSignal.text()]);
+    assert_eq!(refusal(&Line { gps_ns: 5_000_000_000, ..gps(0) }), [Reason::ClockOutside2010To2100.text()]);
+    assert_eq!(refusal(&Line { time_offset: 1.1e7, ..gps(0) }), [Reason::MeasurementFarFromEpoch.text()]);
 }
 
 fn two_epochs() -> Vec<Line> {
@@ -241,22 +241,22 @@ fn damaged_lines_cost_themselves() {
         (field(5, ""), "Raw line: a needed value is missing"),
         (field(14, "NaN"), "Raw line: a needed value cannot be read"),
         (field(14, "99999999999999999999"), "Raw line: a needed value cannot be read"),
-        (field(14, "9223372036854775807"), "mask: pseudorange"),
-        (field(2, "-9223372036854775808"), "clock outside the years 2010 to 2100"),
-        (gps(1).text(), "signal repeated in its epoch"),
-        (Line { svid: 9, ..gps(0) }.text(), "line steps back in time"),
-        (Line { svid: 9, ..gps(-5) }.text(), "line steps back in time"),
-        (Line { svid: 9, ..gps(200_000) }.text(), "line whose time is far from those around it"),
-        (Line { svid: 9, ..gps(3_600) }.text(), "line whose time is far from those around it"),
-        (Line { svid: 9, time_ns: 1, ..gps(1) }.text(), "line repeats the time of an earlier epoch"),
-        ("Whatever,1,2,3".to_owned(), "line of unknown kind"),
+        (field(14, "9223372036854775807"), Reason::MaskPseudorange.text()),
+        (field(2, "-9223372036854775808"), Reason::ClockOutside2010To2100.text()),
+        (gps(1).text(), Reason::SignalRepeated.text()),
+        (Line { svid: 9, ..gps(0) }.text(), Reason::LineStepsBack.text()),
+        (Line { svid: 9, ..gps(-5) }.text(), Reason::LineStepsBack.text()),
+        (Line { svid: 9, ..gps(200_000) }.text(), Reason::LineTimeFar.text()),
+        (Line { svid: 9, ..gps(3_600) }.text(), Reason::LineTimeFar.text()),
+        (Line { svid: 9, time_ns: 1, ..gps(1) }.text(), Reason::LineRepeatsTime.text()),
+        ("Whatever,1,2,3".to_owned(), Reason::LineOfUnknownKind.text()),
         ("Status,1,2,3".to_owned(), "Status line with another number of fields"),
-        ("Agc,1,2".to_owned(), "sensor and gain lines (not used)"),
+        ("Agc,1,2".to_owned(), Reason::SensorLines.text()),
         ("Fix,GPS,95.0,10.0,5.0,,,1699358382300".to_owned(), "Fix line: position or time out of range"),
-        ("Nav,5,257,1,1,1,3,4,x".to_owned(), "Nav line cannot be read"),
-        ("Nav,5,259,1,1,1,3,4".to_owned(), "Nav line of a message that is not decoded"),
-        ("Nav,5,257,1,1,1,3,4".to_owned(), "LNAV subframe of wrong length"),
-        ("x".repeat(100_000), "line too long"),
+        ("Nav,5,257,1,1,1,3,4,x".to_owned(), Reason::NavLineUnreadable.text()),
+        ("Nav,5,259,1,1,1,3,4".to_owned(), Reason::NavLineNotDecoded.text()),
+        ("Nav,5,257,1,1,1,3,4".to_owned(), Reason::LnavSubframeWrongLength.text()),
+        ("x".repeat(100_000), Reason::LineTooLong.text()),
     ] {
         let decoded = decode(&extra(&insert));
         assert_eq!(decoded.epochs, good, "{insert}");
@@ -284,7 +284,7 @@ fn damaged_lines_cost_themselves() {
     // A last line without its end may be cut.
     let decoded = decode(text.trim_end());
     assert_eq!(decoded.epochs[1].observations.len(), 1);
-    assert_eq!(decoded.skips.count("last line is cut off"), 1);
+    assert_eq!(decoded.skips.count(Reason::LastLineCutOff), 1);
 }
 
 #[test]
@@ -314,7 +314,7 @@ fn an_epoch_with_a_wrong_clock_costs_no_other() {
         let decoded = decode(&log(&lines));
         let sizes: Vec<_> = decoded.epochs.iter().map(|e| e.observations.len()).collect();
         assert_eq!(sizes, [2, 2, 2, 1], "{ahead_s} s");
-        assert_eq!(decoded.skips.count("epoch far from the one after it, left out"), 1, "{}", decoded.skips);
+        assert_eq!(decoded.skips.count(Reason::EpochFarFromNext), 1, "{}", decoded.skips);
         assert_eq!(decoded.skips.total(), 1);
     }
 }
@@ -342,7 +342,7 @@ fn epochs_without_anything_are_counted() {
     );
     let decoded = decode(&log(&lines));
     assert_eq!(decoded.epochs.len(), 2);
-    assert_eq!(decoded.skips.count("epoch without a usable measurement"), 1);
+    assert_eq!(decoded.skips.count(Reason::EpochWithoutMeasurement), 1);
 }
 
 #[test]
@@ -368,10 +368,10 @@ fn columns_by_name_in_any_order_and_number() {
         lines.iter().map(|l| l.text().rsplitn(3, ',').last().unwrap().to_owned() + "\n").collect();
     let decoded = decode(&bare);
     assert_eq!(decoded.epochs, good);
-    assert_eq!(decoded.skips.count("Raw line without a header (columns of 2016 assumed; used)"), 4);
+    assert_eq!(decoded.skips.count(Reason::RawLineWithoutHeader), 4);
     // A header that lacks a needed column is not used.
     let decoded = decode(&text.replace("ReceivedSvTimeNanos", "Received"));
-    assert_eq!(decoded.skips.count("header line without a needed column"), 1);
+    assert_eq!(decoded.skips.count(Reason::HeaderLineWithoutColumn), 1);
 }
 
 /// The columns of a version: what comes first, what comes after the constellation type, and how its header begins.
@@ -509,11 +509,11 @@ fn nav_lines_become_ephemerides() {
     }
     // Of eight years later: the message is of another week.
     let later = decode(&format!("{HEADER}\n{}\n{nav}", gps(0).text()));
-    assert_eq!(later.skips.count("ephemeris of another week than the recording's"), 1);
+    assert_eq!(later.skips.count(Reason::EphemerisOfOtherWeek), 1);
     assert!(later.ephemerides.is_empty());
     // Without any epoch the week stays open.
     let never = decode(&nav);
-    assert_eq!(never.skips.count("Nav line without any epoch to tell the week"), 4);
+    assert_eq!(never.skips.count(Reason::NavLineWithoutWeek), 4);
 }
 
 #[test]
@@ -617,11 +617,11 @@ proptest! {
 #[test]
 fn absurd_strengths_rates_and_ranges_are_counted() {
     let absurd = [
-        (Line { cn0: 75.0, ..gps(1) }, "C/N0 outside 0 to 70 dB-Hz", (false, false, false)),
-        (Line { rate: "1e300", ..gps(1) }, "Doppler beyond 200 kHz", (true, true, false)),
+        (Line { cn0: 75.0, ..gps(1) }, Reason::Cn0OutOfRange.text(), (false, false, false)),
+        (Line { rate: "1e300", ..gps(1) }, Reason::DopplerOutOfRange.text(), (true, true, false)),
         (
             Line { range: "1e308", ..gps(1) },
-            "accumulated delta range beyond 9e9 cycles (code is used)",
+            Reason::AccumulatedDeltaRangeOutOfRange.text(),
             (true, false, false),
         ),
     ];

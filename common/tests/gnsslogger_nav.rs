@@ -14,7 +14,7 @@ use cofix_common::formats::navbits::{
     BeidouAssembler, GlonassAssembler, GlonassClock, GlonassLabel, GlonassName, ReceiverCheck,
 };
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, NavigationMessage};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use navbits_encoder::glonass::{Frame, strings};
 use navbits_encoder::{LnavFields, beidou, page};
@@ -194,10 +194,10 @@ fn the_rest_is_counted() {
     text += &nav(33, 0x0301, (1, 1), &r01()[0]);
     text += &nav(1, 0x0301, (1, 2), &r01()[0]);
     let skips = decode(&text).skips;
-    assert_eq!(skips.count("Nav line of a message that is not decoded"), 7);
-    assert_eq!(skips.count("Nav line of a BeiDou message that its satellite does not send"), 2);
-    assert_eq!(skips.count("satellite number outside its system"), 1);
-    assert_eq!(skips.count("GLONASS string that is not the one that its line names"), 1);
+    assert_eq!(skips.count(Reason::NavLineNotDecoded), 7);
+    assert_eq!(skips.count(Reason::NavLineOfWrongBeidouMessage), 2);
+    assert_eq!(skips.count(Reason::SatelliteNumberOutOfRange), 1);
+    assert_eq!(skips.count(Reason::GlonassStringOfOtherNumber), 1);
     assert_eq!(skips.total(), 11, "{skips}");
 }
 
@@ -207,7 +207,7 @@ fn glonass_without_a_channel_is_counted() {
     let text = format!("{HEADER}{}{}", raw(0, (1, 4), ""), lines(1, 0x0301, 3, glonass(1)));
     let decoded = decode(&text);
     assert!(decoded.glonass.is_empty());
-    let reason = "GLONASS ephemeris without a carrier frequency to tell its channel";
+    let reason = Reason::GlonassEphemerisWithoutChannel.text();
     assert_eq!(decoded.skips.count(reason), 1, "{}", decoded.skips);
     let (_, skip) = decoded.skips.iter().find(|(name, _)| *name == reason).unwrap();
     assert_eq!(skip.first, "line 6: R01");

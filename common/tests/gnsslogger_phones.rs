@@ -5,6 +5,7 @@
 mod log_lines;
 
 use cofix_common::formats::gnsslogger::{Options, state};
+use cofix_common::skips::Reason;
 use log_lines::{
     DAY_NS, HEADER, Line, TRAVEL_NS, WEEK_NS, decode, decode_with, gps, log, metres, only, refusal,
 };
@@ -81,9 +82,12 @@ fn what_is_no_integer_is_refused() {
     for bad in ["nan", "inf", "-inf", "1.5", "1e400", "5e", ""] {
         let decoded = decode(&rewritten(&[gps(0)], &["Svid"], |_| bad.to_owned()));
         assert!(decoded.epochs.is_empty(), "{bad}");
-        let reason =
-            if bad.is_empty() { "a needed value is missing" } else { "a needed value cannot be read" };
-        assert_eq!(decoded.skips.count(&format!("Raw line: {reason}")), 1, "{bad}: {}", decoded.skips);
+        let reason = if bad.is_empty() {
+            Reason::NeededValueMissing.text()
+        } else {
+            Reason::NeededValueUnreadable.text()
+        };
+        assert_eq!(decoded.skips.count(format!("Raw line: {reason}")), 1, "{bad}: {}", decoded.skips);
     }
 }
 
@@ -218,7 +222,7 @@ fn times_modulo_a_period_are_resolved() {
             let said = format!("{system} {svid} {bit} {received}");
             assert_eq!(only(&line).pseudorange_m, Some(metres(TRAVEL_NS as f64)), "{said}");
             let ambiguous = Line { state: line.state | state::MSEC_AMBIGUOUS, ..line };
-            assert_eq!(refusal(&ambiguous), ["mask: state bits"], "{said}");
+            assert_eq!(refusal(&ambiguous), [Reason::MaskStateBits.text()], "{said}");
         }
     }
 }
@@ -233,7 +237,7 @@ fn a_week_that_was_not_rolled_over_is_named_and_shifted() {
         let decoded = decode(&text);
         assert!(decoded.epochs.is_empty());
         let (_, skip) =
-            decoded.skips.iter().find(|(name, _)| *name == "clock outside the years 2010 to 2100").unwrap();
+            decoded.skips.iter().find(|(name, _)| *name == Reason::ClockOutside2010To2100.text()).unwrap();
         assert!(skip.first.contains(&format!("shift_weeks = {weeks}")), "{}", skip.first);
         assert!(skip.first.contains("2023-11-07T12:00:00.3"), "{}", skip.first);
         let shifted = decode_with(text.as_bytes(), Options { shift_weeks: weeks, ..Options::default() });
@@ -310,8 +314,7 @@ fn klobuchar_terms_of_lines_stand_in_for_those_of_messages() {
         let decoded = decode(&with_columns(columns, &lines));
         let gps = decoded.decoder.ionosphere().gps;
         assert_eq!(gps.map(|terms| terms.beta[0]), expected, "{lines:?}");
-        let counted =
-            decoded.skips.count("Klobuchar terms of Raw lines, used where no navigation message has any");
+        let counted = decoded.skips.count(Reason::KlobucharTermsOfRawLines);
         assert_eq!(counted, u64::from(expected.is_some()));
     }
 }
@@ -343,8 +346,8 @@ fn satellites_known_by_channel_are_kept_beside() {
         assert!(known.observation.doppler_hz.is_some(), "the channel tells the wavelength");
     }
     let count = |reason| decoder.skips().count(reason);
-    assert_eq!(count("GLONASS satellite known by its frequency channel only"), 5);
-    assert_eq!(count("signal repeated in its epoch"), 1);
+    assert_eq!(count(Reason::GlonassSatelliteByChannelOnly), 5);
+    assert_eq!(count(Reason::SignalRepeated), 1);
     // Without anything else there is no epoch.
-    assert_eq!(refusal(&glonass(93, "")), ["GLONASS satellite known by its frequency channel only"]);
+    assert_eq!(refusal(&glonass(93, "")), [Reason::GlonassSatelliteByChannelOnly.text()]);
 }

@@ -14,7 +14,7 @@ use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::gnsslogger::{GnssLoggerDecoder, Masks, Options};
 use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::gnss::{Observation, ObservationEpoch};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 
 const METRES_PER_NS: f64 = SPEED_OF_LIGHT_MPS * 1e-9;
 
@@ -82,8 +82,8 @@ fn epochs_and_lines_are_complete() {
     // 930 Raw lines. 32 have the state TOW_KNOWN alone (weak L5/E5a signals that the chip predicts but does not track;
     // received time uncertainty 1 s), one G22 lacks the code lock.
     let used: usize = both.text.iter().map(|epoch| epoch.observations.len()).sum();
-    assert_eq!((used, both.skips.count("mask: state bits")), (930 - 33, 33));
-    assert_eq!(both.skips.count("mask: pseudorange"), 0);
+    assert_eq!((used, both.skips.count(Reason::MaskStateBits)), (930 - 33, 33));
+    assert_eq!(both.skips.count(Reason::MaskPseudorange), 0);
 }
 
 /// The file's tags are not the text's in another time system. All of the text's lie at 2 s past a multiple of 6 s, all of the
@@ -287,11 +287,11 @@ fn default_masks_are_counted() {
     }
     let count = |reason: &str| decoder.skips().count(reason);
     assert_eq!(used, 856);
-    assert_eq!(count("mask: state bits"), 33);
-    assert_eq!(count("mask: multipath indicator"), 40);
-    assert_eq!(count("mask: C/N0"), 1);
-    assert_eq!(count("mask: pseudorange rate uncertainty (code is used)"), 1);
-    assert_eq!(count("sensor and gain lines (not used)"), 120);
+    assert_eq!(count(Reason::MaskStateBits.text()), 33);
+    assert_eq!(count(Reason::MaskMultipath.text()), 40);
+    assert_eq!(count(Reason::MaskCn0.text()), 1);
+    assert_eq!(count(Reason::MaskPseudorangeRateUncertainty.text()), 1);
+    assert_eq!(count(Reason::SensorLines.text()), 120);
     assert_eq!(decoder.skips().total(), 33 + 40 + 1 + 1 + 120, "{}", decoder.skips());
     assert_eq!(decoder.fixes().len(), 243);
     let channels: Vec<_> = decoder.glonass_channels().iter().map(|(slot, k)| (*slot, *k)).collect();

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::gnsslogger::{BiasReference, FixProvider, GnssLoggerDecoder, Masks, Options};
 use cofix_common::gnss::ObservationEpoch;
+use cofix_common::skips::Reason;
 
 const JUNE: &str = "pseudoranges_log_2016_06_30_21_26_07.txt";
 const AUGUST: &str = "pseudoranges_log_2016_08_22_14_45_50.txt";
@@ -59,7 +60,7 @@ fn june() {
             ("G28 1C", 7),
         ])
     );
-    assert_eq!(decoder.skips().count("mask: received time uncertainty"), 3);
+    assert_eq!(decoder.skips().count(Reason::MaskReceivedTimeUncertainty), 3);
     assert_eq!(decoder.skips().total(), 3, "{}", decoder.skips());
     // The chip has no carrier phase; every line has a Doppler.
     assert!(epochs.iter().flat_map(|e| &e.observations).all(|o| o.carrier_phase_cycles.is_none()));
@@ -98,9 +99,9 @@ fn august() {
     );
     let count = |reason: &str| decoder.skips().count(reason);
     // All 1833 GLONASS lines name their satellite by frequency channel (Svid 93 to 106); none has its time of day.
-    assert_eq!(count("GLONASS satellite known by its frequency channel only"), 1_833);
-    assert_eq!(count("mask: state bits"), 286);
-    assert_eq!((count("mask: C/N0"), count("mask: multipath indicator")), (74, 27));
+    assert_eq!(count(Reason::GlonassSatelliteByChannelOnly.text()), 1_833);
+    assert_eq!(count(Reason::MaskStateBits.text()), 286);
+    assert_eq!((count(Reason::MaskCn0.text()), count(Reason::MaskMultipath.text())), (74, 27));
     assert_eq!(decoder.skips().total(), 1_833 + 286 + 74 + 27, "{}", decoder.skips());
     assert_eq!(5_041 - 1_833 - 286 - 74 - 27, epochs.iter().map(|e| e.observations.len()).sum::<usize>());
     let phases = epochs.iter().flat_map(|e| &e.observations).filter(|o| o.carrier_phase_cycles.is_some());
@@ -117,8 +118,8 @@ fn august_without_masks() {
     let (epochs, decoder) = read(AUGUST, options);
     let used: usize = epochs.iter().map(|e| e.observations.len()).sum();
     assert_eq!(used, 5_041 - 1_833 - 286);
-    assert_eq!(decoder.skips().count("mask: state bits"), 286);
-    assert_eq!(decoder.skips().count("mask: multipath indicator"), 0);
+    assert_eq!(decoder.skips().count(Reason::MaskStateBits), 286);
+    assert_eq!(decoder.skips().count(Reason::MaskMultipath), 0);
 }
 
 /// With the first epoch's bias, tags and pseudoranges move together with the oscillator, and by the same for all

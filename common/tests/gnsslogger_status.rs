@@ -3,7 +3,7 @@
 
 use cofix_common::formats::decode::Decoder;
 use cofix_common::formats::gnsslogger::{GnssLoggerDecoder, SignalStatus};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use proptest::prelude::*;
 
 const HEADER: &str = "# Status,UnixTimeMillis,SignalCount,SignalIndex,ConstellationType,Svid,CarrierFrequencyHz,\
@@ -78,25 +78,25 @@ fn times_and_places_of_reports() {
 #[test]
 fn absurd_values_are_refused_and_counted() {
     let rest_stays = [
-        (7, "-1", "C/N0 outside 0 to 70 dB-Hz (the rest is used)"),
-        (7, "99.5", "C/N0 outside 0 to 70 dB-Hz (the rest is used)"),
-        (7, "NaN", "a value cannot be read (the rest is used)"),
-        (9, "90.1", "direction out of range (the rest is used)"),
-        (9, "-91", "direction out of range (the rest is used)"),
-        (9, "NaN", "a value cannot be read (the rest is used)"),
-        (8, "361", "direction out of range (the rest is used)"),
-        (8, "Infinity", "a value cannot be read (the rest is used)"),
-        (10, "2", "a value cannot be read (the rest is used)"),
-        (13, "-3", "C/N0 outside 0 to 70 dB-Hz (the rest is used)"),
-        (1, "5", "time out of range (the rest is used)"),
-        (1, "soon", "a value cannot be read (the rest is used)"),
+        (7, "-1", Reason::Cn0LeftOut.text()),
+        (7, "99.5", Reason::Cn0LeftOut.text()),
+        (7, "NaN", Reason::ValueUnreadable.text()),
+        (9, "90.1", Reason::DirectionOutOfRange.text()),
+        (9, "-91", Reason::DirectionOutOfRange.text()),
+        (9, "NaN", Reason::ValueUnreadable.text()),
+        (8, "361", Reason::DirectionOutOfRange.text()),
+        (8, "Infinity", Reason::ValueUnreadable.text()),
+        (10, "2", Reason::ValueUnreadable.text()),
+        (13, "-3", Reason::Cn0LeftOut.text()),
+        (1, "5", Reason::TimeOutOfRange.text()),
+        (1, "soon", Reason::ValueUnreadable.text()),
     ];
     let lost = [
-        (3, "", "a needed value is missing"),
-        (4, "9", "unknown constellation type"),
-        (4, "x", "a needed value cannot be read"),
-        (5, "77", "satellite number outside its system"),
-        (6, "1600000000", "carrier frequency of no signal of the system"),
+        (3, "", Reason::NeededValueMissing.text()),
+        (4, "9", Reason::UnknownConstellationType.text()),
+        (4, "x", Reason::NeededValueUnreadable.text()),
+        (5, "77", Reason::SatelliteNumberOutOfRange.text()),
+        (6, "1600000000", Reason::CarrierFrequencyOfNoSignal.text()),
     ];
     let good = "Status,1699358383000,1,0,1,2,1575420030,25.7,192.5,31.5,1,1,1,22.1";
     let whole = lines(&[good]).0[0];
@@ -104,7 +104,7 @@ fn absurd_values_are_refused_and_counted() {
         let mut fields: Vec<&str> = good.split(',').collect();
         fields[at] = value;
         let (statuses, skips) = lines(&[&fields.join(",")]);
-        assert_eq!(skips.count(&format!("Status line: {reason}")), 1, "{at} {value}: {skips}");
+        assert_eq!(skips.count(format!("Status line: {reason}")), 1, "{at} {value}: {skips}");
         assert_eq!(skips.total(), 1, "{at} {value}: {skips}");
         statuses
     };
@@ -140,7 +140,7 @@ fn columns_by_name_in_any_order_and_number() {
     let (statuses, skips) = decode(&(turn(HEADER, "IsMoonVisible") + &turn(line, "7")));
     assert_eq!((statuses, skips.is_empty()), (expected, true), "{skips}");
     let (_, skips) = decode(&format!("{}\n", HEADER.replace(",Svid,", ",Sv,")));
-    assert_eq!(skips.count("header line without a needed column"), 1);
+    assert_eq!(skips.count(Reason::HeaderLineWithoutColumn), 1);
 }
 
 proptest! {

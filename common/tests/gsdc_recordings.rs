@@ -15,6 +15,7 @@ use cofix_common::integrity::{RaimOptions, solve_with_raim};
 use cofix_common::measurement::{CorrectionOptions, Corrector, RecordedObservation, without_position};
 use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
+use cofix_common::skips::Reason;
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
 
@@ -89,7 +90,7 @@ fn the_table_is_read_in_full() {
     assert_eq!(file.epochs.iter().map(|e| e.observations.len()).sum::<usize>(), 14_072);
     // The last epoch could not be given the time of the one after it.
     assert_eq!(file.skips.total(), 8, "{}", file.skips);
-    assert_eq!(file.skips.count("epoch corrected by whole seconds, row used"), 8);
+    assert_eq!(file.skips.count(Reason::EpochCorrectedByWholeSeconds), 8);
     let first = &file.epochs[0];
     let tag: GpsTime = "2020-05-14T22:11:03.442".parse().unwrap();
     let cut_s = first.time_gps - tag;

@@ -12,6 +12,7 @@ use cofix_common::formats::gsdc::{DerivedDecoder, DerivedFile, ground_truth, is_
 use cofix_common::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use cofix_common::measurement::{CorrectionOptions, Corrector, Ionosphere, RecordedEpoch, without_position};
 use cofix_common::orbit::Products;
+use cofix_common::skips::Reason;
 use cofix_common::solve::solve_position;
 use cofix_common::time::GpsTime;
 use proptest::prelude::*;
@@ -174,10 +175,7 @@ fn a_table_since_2022_gives_position_rates_and_phases() {
     table += &row_2022(START_MS, &Sat { number: 20, ..sky[0] }, 1, false);
     let file = DerivedFile::parse(table.as_bytes()).unwrap();
     let [epoch] = file.epochs.as_slice() else { panic!("{}", file.skips) };
-    assert_eq!(
-        (file.skips.total(), file.skips.count("no corrections in the row, raw observation kept")),
-        (1, 1)
-    );
+    assert_eq!((file.skips.total(), file.skips.count(Reason::NoCorrectionsInRow)), (1, 1));
     assert!(solve(epoch).distance_m(site()) < 0.01);
     let raw = epoch.to_observations();
     assert_eq!(raw.observations.len(), 7);
@@ -197,7 +195,7 @@ fn a_table_since_2022_gives_position_rates_and_phases() {
     let prepared = epoch.prepare(&mut corrector);
     let (corrected, _) = corrector.finish(&prepared, site(), epoch.time_gps);
     assert_eq!(corrected.len(), 6, "only those with corrections");
-    assert_eq!(corrector.skips().count("no satellite state"), 1, "and no products for the other");
+    assert_eq!(corrector.skips().count(Reason::NoSatelliteState), 1, "and no products for the other");
     assert!((corrected[0].range_rate.unwrap().range_rate_mps - 50.001).abs() < 1e-9);
 }
 
@@ -242,28 +240,28 @@ fn bad_rows_are_counted_and_the_good_ones_used() {
     let good = row_2021(START_MS, &sky[0]);
     let other = row_2021(START_MS, &sky[1]);
     for (bad, reason) in [
-        (other.replace(&format!("{:.4}", sky[1].pseudorange_m), "nan"), "value missing or not a number"),
-        (other.replace(&format!("{:.4}", sky[1].pseudorange_m), "12.0"), "impossible value"),
-        (other.replace(&format!("{START_MS}"), "soon"), "time missing or impossible"),
+        (other.replace(&format!("{:.4}", sky[1].pseudorange_m), "nan"), Reason::ValueMissing.text()),
+        (other.replace(&format!("{:.4}", sky[1].pseudorange_m), "12.0"), Reason::ImpossibleValue.text()),
+        (other.replace(&format!("{START_MS}"), "soon"), Reason::TimeMissing.text()),
         (
             other.replace(&format!("{START_MS}"), &format!("{}", START_MS + 60_000)),
-            "epoch contradicts transmission and pseudorange",
+            Reason::EpochContradictsPseudorange.text(),
         ),
-        (other.replace("Pixel4,", "Pixel4,,"), "satellite that is not used"),
-        (other.replace(",1,2,GPS_L1", ",2,131,SBS_L1"), "satellite that is not used"),
-        (other.replace("GPS_L1", "GPS_L9"), "signal that is not used"),
-        (other.replace("-3793.067", "inf"), "no corrections in the row, raw observation kept"),
-        (other.replace("-3793.067", ""), "no corrections in the row, raw observation kept"),
-        (good.clone(), "signal twice in one epoch"),
-        ("x".repeat(70_000) + "\n", "line too long"),
-        (",".repeat(60_000) + "1\n", "time missing or impossible"),
-        (other.chars().take(40).collect::<String>() + "\n", "satellite that is not used"),
-        (other.trim_end().to_owned(), "last line is cut off"),
+        (other.replace("Pixel4,", "Pixel4,,"), Reason::SatelliteNotUsed.text()),
+        (other.replace(",1,2,GPS_L1", ",2,131,SBS_L1"), Reason::SatelliteNotUsed.text()),
+        (other.replace("GPS_L1", "GPS_L9"), Reason::SignalNotUsed.text()),
+        (other.replace("-3793.067", "inf"), Reason::NoCorrectionsInRow.text()),
+        (other.replace("-3793.067", ""), Reason::NoCorrectionsInRow.text()),
+        (good.clone(), Reason::SignalTwice.text()),
+        ("x".repeat(70_000) + "\n", Reason::LineTooLong.text()),
+        (",".repeat(60_000) + "1\n", Reason::TimeMissing.text()),
+        (other.chars().take(40).collect::<String>() + "\n", Reason::SatelliteNotUsed.text()),
+        (other.trim_end().to_owned(), Reason::LastLineCutOff.text()),
     ] {
         let bytes = format!("{HEADER_2021}{good}{bad}");
         let file = DerivedFile::parse(bytes.as_bytes()).unwrap();
-        let expected = if reason == "time missing or impossible" && bad.starts_with(',') {
-            "satellite that is not used"
+        let expected = if reason == Reason::TimeMissing.text() && bad.starts_with(',') {
+            Reason::SatelliteNotUsed.text()
         } else {
             reason
         };
@@ -291,12 +289,7 @@ fn epochs_need_not_be_in_order_within_a_minute() {
     let times: Vec<_> = file.epochs.iter().map(|e| e.time_gps.nanos() / 1_000_000 - START_MS).collect();
     assert_eq!(times, [0, 1_000, 2_000, 100_000, 101_000]);
     assert_eq!(file.epochs[2].observations.len(), 2);
-    assert_eq!(
-        (file.skips.total(), file.skips.count("row out of the order of time")),
-        (1, 1),
-        "{}",
-        file.skips
-    );
+    assert_eq!((file.skips.total(), file.skips.count(Reason::RowOutOfOrder)), (1, 1), "{}", file.skips);
     // One wrong date does not close all epochs before it.
     let table = [row(0, 0), row(100_000_000, 0), row(1, 0), row(2, 0)].concat();
     let file = DerivedFile::parse(format!("{HEADER_2021}{table}").as_bytes()).unwrap();
@@ -308,7 +301,7 @@ fn epochs_need_not_be_in_order_within_a_minute() {
         let file = DerivedFile::parse(format!("{HEADER_2021}{table}").as_bytes()).unwrap();
         let sizes: Vec<_> = file.epochs.iter().map(|epoch| epoch.observations.len()).collect();
         assert_eq!(sizes, [2, 1, 1, 1], "{wrong} s: {}", file.skips);
-        assert_eq!(file.skips.count("epoch far from those around it, left out"), 1, "{}", file.skips);
+        assert_eq!(file.skips.count(Reason::EpochFarFromThoseAround), 1, "{}", file.skips);
         assert_eq!(file.skips.total(), 1);
     }
     for (last, kept) in [(400, 2), (100_000_000, 1)] {
@@ -358,7 +351,7 @@ fn rows_that_the_phone_itself_doubts_are_masked() {
     assert_eq!(file.epochs[0].observations.len(), 2, "{}", file.skips);
     for reason in ["state bits", "multipath indicator", "clock bias uncertainty", "received time uncertainty"]
     {
-        assert_eq!(file.skips.count(&format!("mask: {reason}")), 1, "{reason}: {}", file.skips);
+        assert_eq!(file.skips.count(format!("mask: {reason}")), 1, "{reason}: {}", file.skips);
     }
     // State bits are asked for all the same.
     let mut decoder = DerivedDecoder::new(Masks::none());
@@ -374,7 +367,7 @@ fn epochs_a_second_late_are_set_right() {
     let late = row_2021(START_MS, &sat).replacen(&START_MS.to_string(), &(START_MS + 1_000).to_string(), 1);
     let file = DerivedFile::parse(format!("{HEADER_2021}{late}").as_bytes()).unwrap();
     assert!((file.epochs[0].time_gps - GpsTime::from_nanos(START_MS * 1_000_000)).abs() < 2e-9);
-    assert_eq!(file.skips.count("epoch corrected by whole seconds, row used"), 1, "{}", file.skips);
+    assert_eq!(file.skips.count(Reason::EpochCorrectedByWholeSeconds), 1, "{}", file.skips);
 }
 
 /// A row of satellite `number` at the start whose epoch is written so much later.
@@ -392,12 +385,12 @@ fn epochs_of_an_irregular_step_have_the_time_of_arrival() {
         let [first, _] = file.epochs.as_slice() else { panic!("{tag_ms}: {}", file.skips) };
         assert_eq!(first.observations.len(), 3, "{tag_ms}: {}", file.skips);
         assert!((first.time_gps - GpsTime::from_nanos(START_MS * 1_000_000)).abs() < 2e-9, "{tag_ms}");
-        assert_eq!(file.skips.count("epoch corrected to the time of arrival, row used"), 3, "{}", file.skips);
+        assert_eq!(file.skips.count(Reason::EpochCorrectedByArrival), 3, "{}", file.skips);
     }
     // A single row may be damaged.
     let file = DerivedFile::parse(format!("{HEADER_2021}{}", tagged(1_192, 0)).as_bytes()).unwrap();
     assert!(file.epochs.is_empty());
-    assert_eq!(file.skips.count("epoch contradicts transmission and pseudorange"), 1, "{}", file.skips);
+    assert_eq!(file.skips.count(Reason::EpochContradictsPseudorange), 1, "{}", file.skips);
     // Beside an epoch of the same arrival one row suffices.
     let rows = [row_2021(START_MS, &sky()[0]), tagged(1_192, 1)].concat();
     let file = DerivedFile::parse(format!("{HEADER_2021}{rows}").as_bytes()).unwrap();
@@ -531,7 +524,7 @@ fn satellites_of_qzss_have_either_number() {
     }
     for svid in ["0", "11", "192", "203", "nan", ""] {
         let file = DerivedFile::parse(format!("{HEADER_2021}{}", row(svid)).as_bytes()).unwrap();
-        assert_eq!(file.skips.count("satellite that is not used"), 1, "{svid}: {}", file.skips);
+        assert_eq!(file.skips.count(Reason::SatelliteNotUsed), 1, "{svid}: {}", file.skips);
     }
 }
 
@@ -551,8 +544,8 @@ fn glonass_satellites_known_by_channel_are_kept_beside() {
     assert_eq!((epoch.observations.len(), epoch.by_channel.len()), (1, 1), "{}", file.skips);
     assert_eq!(epoch.by_channel[0].channel, 1);
     assert!(epoch.by_channel[0].observation.doppler_hz.is_some());
-    assert_eq!(file.skips.count("GLONASS satellite known by its frequency channel only"), 1);
-    assert_eq!(file.skips.count("signal twice in one epoch"), 1);
+    assert_eq!(file.skips.count(Reason::GlonassSatelliteByChannelOnly), 1);
+    assert_eq!(file.skips.count(Reason::SignalTwice), 1);
     let alone = DerivedFile::parse(format!("{HEADER_2022}{}", rows[1]).as_bytes()).unwrap();
     assert!(alone.epochs.is_empty());
 }
@@ -567,7 +560,7 @@ fn ambiguous_milliseconds_beside_a_known_time_are_used() {
         let table = format!("{header}{},{state}\n", row.trim_end());
         let file = DerivedFile::parse(table.as_bytes()).unwrap();
         assert_eq!(file.epochs.len(), used, "{state}: {}", file.skips);
-        assert_eq!(file.skips.count("mask: state bits"), 1 - used as u64, "{state}");
+        assert_eq!(file.skips.count(Reason::MaskStateBits), 1 - used as u64, "{state}");
     }
 }
 
@@ -577,7 +570,7 @@ fn states_of_the_table_serve_where_no_product_does() {
     let file = DerivedFile::parse(table_2021(1).as_bytes()).unwrap();
     let mut corrector = Corrector::new(Arc::new(Products::default()), CorrectionOptions::default());
     let prepared = file.epochs[0].prepare_with_products(&mut corrector);
-    let reason = "satellite state of the recording used, no product has one";
+    let reason = Reason::RecordedSatelliteStateUsed.text();
     assert_eq!((corrector.skips().count(reason), corrector.skips().total()), (6, 6), "{}", corrector.skips());
     let (corrected, _) = corrector.finish(&prepared, site(), file.epochs[0].time_gps);
     assert!(solve_position(&corrected, site()).unwrap().position().distance_m(site()) < 0.01);

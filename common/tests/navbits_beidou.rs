@@ -11,6 +11,7 @@ use cofix_common::formats::navbits::{BeidouAssembler, ReceiverCheck};
 use cofix_common::gnss::{Constellation, SatelliteId};
 use cofix_common::orbit::KeplerEphemeris;
 use cofix_common::orbit::NavigationFile;
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use navbits_encoder::beidou::{as_sent, d1, d2};
 use proptest::prelude::*;
@@ -188,11 +189,11 @@ fn what_cannot_be_is_refused() {
     let mut fails = |bytes: &[u8]| {
         assembler.subframe(e.satellite, bytes, ReceiverCheck::Passed, then()).unwrap_err().reason
     };
-    assert_eq!(fails(&bytes(&C06[0])[1..]), "BeiDou subframe of wrong length");
-    assert_eq!(fails(&[0x55; 40]), "BeiDou subframe without its preamble");
+    assert_eq!(fails(&bytes(&C06[0])[1..]), Reason::BeidouSubframeWrongLength);
+    assert_eq!(fails(&[0x55; 40]), Reason::BeidouSubframeWithoutPreamble);
     let blank = |rest: u16| [&[0x38, 0x90], rest.to_be_bytes().as_slice(), &[0; 36]].concat();
-    assert_eq!(fails(&blank(0x7000)), "BeiDou subframe with impossible number");
-    assert_eq!(fails(&blank(0x1ff0)), "BeiDou subframe with impossible time of week");
+    assert_eq!(fails(&blank(0x7000)), Reason::BeidouSubframeImpossibleNumber);
+    assert_eq!(fails(&blank(0x1ff0)), Reason::BeidouSubframeImpossibleTime);
 }
 
 /// Messages sent around the end of a week, whose toe is in the next.

@@ -11,6 +11,7 @@ use cofix_common::formats::navbits::{
 };
 use cofix_common::orbit::GlonassEphemeris;
 use cofix_common::orbit::NavigationFile;
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use navbits_encoder::Bits;
 use navbits_encoder::glonass::{Frame, at_the_low_end, strings, with_check_bits};
@@ -184,8 +185,8 @@ fn what_cannot_be_is_refused() {
     assert!(refusal(&slow, frame, then()).contains("speed"));
     let mut assembler = GlonassAssembler::default();
     let mut fails = |bytes: &[u8]| assembler.string(LABEL, bytes, clock(then())).unwrap_err().reason;
-    assert_eq!(fails(&r01()[0][1..]), "GLONASS string of wrong length");
-    assert_eq!(fails(&[0; 11]), "GLONASS string with impossible number");
+    assert_eq!(fails(&r01()[0][1..]), Reason::GlonassStringWrongLength);
+    assert_eq!(fails(&[0; 11]), Reason::GlonassStringImpossibleNumber);
     let mut bits = Bits::default();
     bits.put(0, 1).put(2, 4).put(0, 4).put(96, 7).put(0, 61);
     let mut one = r01();

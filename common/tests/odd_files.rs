@@ -15,6 +15,7 @@ use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::formats::sp3::Sp3Error;
 use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Sp3;
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use flate2::{Compression, write::GzEncoder};
 use hatanaka_encoder::encode;
@@ -177,7 +178,7 @@ fn beidou_records_may_count_weeks_from_1980() {
             + &record;
         NavigationFile::parse(text.as_bytes()).unwrap()
     };
-    let reason = "BeiDou record whose week counts from 1980, used";
+    let reason = Reason::BeidouWeekFrom1980.text();
     let right = of_week("7.550000000000E+02");
     assert_eq!((right.ephemerides.len(), right.skips.total()), (1, 0), "{}", right.skips);
     let other = of_week("2.111000000000E+03");
@@ -187,7 +188,7 @@ fn beidou_records_may_count_weeks_from_1980() {
     assert_eq!(other.skips.total(), 1);
     for week in ["1.500000000000E+03", "1.000000000000E+02"] {
         let wrong = of_week(week);
-        assert_eq!(wrong.skips.count("record with impossible values"), 1, "{week}: {}", wrong.skips);
+        assert_eq!(wrong.skips.count(Reason::RecordImpossible), 1, "{week}: {}", wrong.skips);
     }
 }
 
@@ -200,7 +201,7 @@ fn a_system_whose_weeks_were_not_rolled_over_is_named() {
     );
     let file = NavigationFile::parse((navigation("3.04") + &old).as_bytes()).unwrap();
     assert_eq!(file.ephemerides.len(), 2, "{}", file.skips);
-    let reason = "system whose weeks were not rolled over, as it seems; used as it is";
+    let reason = Reason::WeeksNotRolledOver.text();
     assert_eq!(file.skips.count(reason), 1, "{}", file.skips);
     let (_, skip) = file.skips.iter().find(|(found, _)| *found == reason).unwrap();
     assert!(skip.first.starts_with("1 records of J up to 2000-11-08"), "{}", skip.first);
@@ -209,7 +210,7 @@ fn a_system_whose_weeks_were_not_rolled_over_is_named() {
 
 #[test]
 fn leap_seconds_of_a_header_that_cannot_be_are_named() {
-    let reason = "header's leap seconds are not those of the date, which are used";
+    let reason = Reason::HeaderLeapSecondsWrong.text();
     let with = |seconds: &str| {
         let text = observations_3("3.04").replace(
             &header("", "END OF HEADER"),

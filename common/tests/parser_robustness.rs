@@ -8,6 +8,7 @@ use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::gnss::{Observation, SatelliteId};
 use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{Products, Sp3};
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use proptest::prelude::*;
 
@@ -202,9 +203,9 @@ fn a_cut_precise_file_is_noticed() {
     let cut = text.rfind("PG10").unwrap();
     let file = Sp3::parse(&text.as_bytes()[..cut + 30]).unwrap();
     assert_eq!(file.positions.len(), 10);
-    assert_eq!(file.skips.count("SP3 position cannot be read"), 1);
+    assert_eq!(file.skips.count(Reason::Sp3PositionUnreadable), 1);
     let file = Sp3::parse(&text.as_bytes()[..cut]).unwrap();
-    assert_eq!(file.skips.count("SP3 file is cut off in its last epoch"), 1, "{}", file.skips);
+    assert_eq!(file.skips.count(Reason::Sp3FileCutOff), 1, "{}", file.skips);
 }
 
 #[test]

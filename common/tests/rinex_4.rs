@@ -9,6 +9,7 @@ use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::rinex::{NavigationDecoder, ObservationFile};
 use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
+use cofix_common::skips::Reason;
 
 const GPS: &str = "G01 2020 06 25 04 00 00 1.604342833161e-05 7.048583938740e-12 0.000000000000e+00
      5.800000000000e+01-3.968750000000e+01 4.304822170265e-09 6.342094507864e-01
@@ -92,13 +93,13 @@ fn records_of_all_types_are_used_or_counted() {
     assert_eq!((gps.alpha[3], gps.beta[0], gps.beta[3]), (-1.1921e-7, 81_920.0, -524_290.0));
     assert_eq!(file.ionosphere.galileo, Some([35.0, 0.5, 0.004]));
     for reason in [
-        "CNAV ephemeris (not supported)",
-        "CNAV-1 ephemeris (not supported)",
-        "SBAS record (not supported)",
-        "Earth orientation record (not used)",
-        "system time offset record (not used)",
-        "ionosphere record that is not used",
-        "ephemeris of another message type (not supported)",
+        Reason::CnavEphemeris.text(),
+        Reason::Cnav1Ephemeris.text(),
+        Reason::SbasRecord.text(),
+        Reason::EarthOrientationRecord.text(),
+        Reason::SystemTimeOffsetRecord.text(),
+        Reason::IonosphereRecordNotUsed.text(),
+        Reason::EphemerisOfOtherMessageType.text(),
     ] {
         assert_eq!(file.skips.count(reason), 1, "{reason}: {}", file.skips);
     }
@@ -115,7 +116,7 @@ fn the_glonass_record_of_3_05_has_flags_and_may_miss_its_delay() {
     assert_eq!(missing.l2_delay_s, None);
     let unknown = read(&GLONASS.replace("-1.862645149231e-09 0.000000000000e+00", "-1.862645149231e-09"));
     assert_eq!(unknown.glonass[0].health, None);
-    assert_eq!(unknown.skips.count("GLONASS health unknown, record kept"), 1, "{}", unknown.skips);
+    assert_eq!(unknown.skips.count(Reason::GlonassHealthUnknown), 1, "{}", unknown.skips);
     // The orbit serves, whatever of this is missing.
     for text in [GLONASS.to_owned(), GLONASS.replace(" 8.381903171539e-09", " .999999999999e+09 ")] {
         let toe = r01.toe;
@@ -138,7 +139,7 @@ fn the_glonass_record_of_3_05_has_flags_and_may_miss_its_delay() {
         ("6.355904042721e-05", "6.355904042721e-01"),
     ] {
         let file = read(&GLONASS.replacen(from, to, 1));
-        assert_eq!(file.skips.count("record with impossible values"), 1, "{from}: {}", file.skips);
+        assert_eq!(file.skips.count(Reason::RecordImpossible), 1, "{from}: {}", file.skips);
     }
     // Some writers give the channel without its sign.
     let byte = read(&GLONASS.replacen("1.000000000000e+00\n     2.288", "2.520000000000e+02\n     2.288", 1));

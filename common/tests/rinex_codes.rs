@@ -8,13 +8,11 @@ mod hatanaka_encoder;
 use std::fmt::Write as _;
 
 use cofix_common::formats::rinex::ObservationFile;
-use cofix_common::gnss::{Misnamed, NO_SUCH_SIGNAL, NOT_OF_ITS_GENERATION};
+use cofix_common::skips::Reason;
 use hatanaka_encoder::encode;
 
-const MISNAMED: &str = "BeiDou code of band 1 that can be B1I alone in this RINEX version, taken for it";
-const UNCLEAR: &str =
-    "BeiDou code of band 1 that is no B1C before RINEX 3.04, nor B1I beside band 2, not used";
-const NEWER: &str = "observation code newer than the file's RINEX version, taken as later versions mean it";
+const MISNAMED: &str = Reason::BeidouBand1TakenForB1i.text();
+const UNCLEAR: &str = Reason::BeidouBand1Unclear.text();
 
 fn header(content: &str, label: &str) -> String {
     format!("{content:<60}{label}\n")
@@ -54,32 +52,46 @@ fn read(text: &str) -> (Vec<String>, ObservationFile) {
 fn what_cannot_be_is_refused_or_taken_for_what_it_is_and_named() {
     for (version, types, satellite, expected, reason, count) in [
         // B2a written as B2I; B2I itself.
-        ("3.04", "C    2 C2I C7Q", "C19", vec!["C19 2I"], NOT_OF_ITS_GENERATION, 2),
+        ("3.04", "C    2 C2I C7Q", "C19", vec!["C19 2I"], Reason::BeidouSignalOfOtherGeneration.text(), 2),
         ("3.04", "C    2 C2I C7Q", "C18", vec!["C18 2I", "C18 7Q"], "", 0),
-        ("4.02", "C    2 C2I C7X", "C62", vec!["C62 2I"], NOT_OF_ITS_GENERATION, 2),
+        ("4.02", "C    2 C2I C7X", "C62", vec!["C62 2I"], Reason::BeidouSignalOfOtherGeneration.text(), 2),
         ("3.05", "C    2 C2I C7D", "C40", vec!["C40 2I", "C40 7D"], "", 0),
-        ("3.05", "C    2 C2I C7Z", "C05", vec!["C05 2I"], NOT_OF_ITS_GENERATION, 2),
+        ("3.05", "C    2 C2I C7Z", "C05", vec!["C05 2I"], Reason::BeidouSignalOfOtherGeneration.text(), 2),
         // B1I by names of others.
-        ("3.04", "C    1 C1C", "C30", vec![], NO_SUCH_SIGNAL, 2),
-        ("3.02", "C    1 C1C", "C05", vec![], NO_SUCH_SIGNAL, 2),
-        ("4.01", "C    2 C1C C6I", "C05", vec!["C05 6I"], NO_SUCH_SIGNAL, 2),
+        ("3.04", "C    1 C1C", "C30", vec![], Reason::SignalNotOfSystem.text(), 2),
+        ("3.02", "C    1 C1C", "C05", vec![], Reason::SignalNotOfSystem.text(), 2),
+        ("4.01", "C    2 C1C C6I", "C05", vec!["C05 6I"], Reason::SignalNotOfSystem.text(), 2),
         ("3.03", "C    1 C1X", "C30", vec!["C30 2X"], MISNAMED, 1),
         ("3.02", "C    1 C1X", "C30", vec!["C30 2X"], "", 0),
         ("3.02", "C    1 C1I", "C30", vec!["C30 2I"], "", 0),
         ("3.04", "C    1 C1I", "C30", vec!["C30 2I"], MISNAMED, 1),
         ("3.03", "C    2 C2I C1X", "C30", vec!["C30 2I"], UNCLEAR, 2),
         ("3.04", "C    2 C2I C1X", "C30", vec!["C30 2I", "C30 1X"], "", 0),
-        ("3.03", "C    2 C2I C1P", "C30", vec!["C30 2I", "C30 1P"], NEWER, 1),
+        (
+            "3.03",
+            "C    2 C2I C1P",
+            "C30",
+            vec!["C30 2I", "C30 1P"],
+            Reason::ObservationCodeNewerThanFile.text(),
+            1,
+        ),
         // Blank attributes.
         ("3.04", "C    2 C2  C7 ", "C19", vec!["C19 2 ", "C19 7 "], "", 0),
         ("3.04", "E    2 C1  C5 ", "E05", vec!["E05 1 ", "E05 5 "], "", 0),
-        ("3.04", "E    2 C1  C2 ", "E05", vec!["E05 1 "], NO_SUCH_SIGNAL, 2),
+        ("3.04", "E    2 C1  C2 ", "E05", vec!["E05 1 "], Reason::SignalNotOfSystem.text(), 2),
         // Other systems.
-        ("3.04", "G    3 C1C C7X C5C", "G05", vec!["G05 1C"], NO_SUCH_SIGNAL, 4),
-        ("3.04", "R    2 C1C C1X", "R05", vec!["R05 1C"], NO_SUCH_SIGNAL, 2),
-        ("3.04", "J    2 C1C C1W", "J02", vec!["J02 1C"], NO_SUCH_SIGNAL, 2),
-        ("3.04", "I    2 C5A C1P", "I02", vec!["I02 5A", "I02 1P"], NEWER, 1),
-        ("3.04", "S    2 C1C C1X", "S20", vec!["S20 1C"], NO_SUCH_SIGNAL, 2),
+        ("3.04", "G    3 C1C C7X C5C", "G05", vec!["G05 1C"], Reason::SignalNotOfSystem.text(), 4),
+        ("3.04", "R    2 C1C C1X", "R05", vec!["R05 1C"], Reason::SignalNotOfSystem.text(), 2),
+        ("3.04", "J    2 C1C C1W", "J02", vec!["J02 1C"], Reason::SignalNotOfSystem.text(), 2),
+        (
+            "3.04",
+            "I    2 C5A C1P",
+            "I02",
+            vec!["I02 5A", "I02 1P"],
+            Reason::ObservationCodeNewerThanFile.text(),
+            1,
+        ),
+        ("3.04", "S    2 C1C C1X", "S20", vec!["S20 1C"], Reason::SignalNotOfSystem.text(), 2),
     ] {
         let text = file(version, &[types], &[satellite]);
         for form in [text.clone(), encode(&text, |_| false)] {
@@ -96,8 +108,8 @@ fn what_cannot_be_is_refused_or_taken_for_what_it_is_and_named() {
 fn a_code_of_the_other_generation_is_used_of_no_satellite_of_the_epoch() {
     let (observed, parsed) = read(&file("3.04", &["C    2 C2I C7Q"], &["C05", "C18", "C24"]));
     assert_eq!(observed, ["C05 2I", "C18 2I", "C24 2I"]);
-    assert_eq!(parsed.skips.count(NOT_OF_ITS_GENERATION), 2, "{}", parsed.skips);
-    assert_eq!(parsed.skips.count(Misnamed::REASON), 4, "{}", parsed.skips);
+    assert_eq!(parsed.skips.count(Reason::BeidouSignalOfOtherGeneration), 2, "{}", parsed.skips);
+    assert_eq!(parsed.skips.count(Reason::BeidouSignalOfBothGenerations), 4, "{}", parsed.skips);
 }
 
 #[test]
@@ -120,7 +132,12 @@ fn rinex_2_goes_by_the_satellite_too() {
         + "  39064856.934    39064859.731\n  26576535.202    26576535.739\n";
     let (found, file) = read(&text);
     assert_eq!(found, ["C05 2I", "C05 7I", "C24 2I"]);
-    assert_eq!((file.skips.count(NOT_OF_ITS_GENERATION), file.skips.total()), (1, 1), "{}", file.skips);
+    assert_eq!(
+        (file.skips.count(Reason::BeidouSignalOfOtherGeneration), file.skips.total()),
+        (1, 1),
+        "{}",
+        file.skips
+    );
 }
 
 /// Codes that an event changes are judged, and named again only where they differ.
@@ -133,7 +150,7 @@ fn codes_after_an_event_are_judged_anew() {
     let epoch = "> 2020 06 25 12 00  3.0000000  0  1\nC24  22000000.000\n";
     for (types, misnamed, refused) in [("C    1 C1X", 1, 0), ("C    1 C1I", 2, 0), ("C    1 C1C", 1, 1)] {
         let (_, file) = read(&(text.clone() + &event(types) + epoch));
-        let counts = (file.skips.count(MISNAMED), file.skips.count(NO_SUCH_SIGNAL));
+        let counts = (file.skips.count(MISNAMED), file.skips.count(Reason::SignalNotOfSystem));
         assert_eq!(counts, (misnamed, refused), "{types}: {}", file.skips);
     }
 }

@@ -9,6 +9,7 @@ use beside::required;
 use cofix_common::formats::decode::Record;
 use cofix_common::formats::rinex::{ObservationFile, ObservationLayout, ObservationWriter, RecordingInfo};
 use cofix_common::gnss::{Constellation, CycleSlip, Event, EventKind, SatelliteId, SignalCode};
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use hatanaka_encoder::encode;
 use proptest::prelude::*;
@@ -214,16 +215,16 @@ fn what_cannot_be_read_is_counted_and_costs_only_itself() {
     assert_eq!(file.events[4].1.lines[0], "x".repeat(78) + "\u{e4}");
     assert_eq!(file.events[5].1.lines[0], "y".repeat(80));
     for (reason, count) in [
-        ("time of an event cannot be read", 2),
-        ("external event without a time, left out", 2),
-        ("comment outside any event", 2),
-        ("unknown satellite", 1),
-        ("value in a cycle slip record that is no phase, not used", 1),
-        ("epoch has fewer satellites than announced", 1),
-        ("event has fewer lines than announced", 1),
-        ("line of an event cut to 80 columns", 1),
-        ("epoch line cannot be read", 1),
-        ("last event is cut off", 1),
+        (Reason::TimeEventUnreadable.text(), 2),
+        (Reason::ExternalEventWithoutTime.text(), 2),
+        (Reason::CommentOutsideAnyEvent.text(), 2),
+        (Reason::UnknownSatellite.text(), 1),
+        (Reason::CycleSlipValueOfNoPhase.text(), 1),
+        (Reason::EpochLacksSatellites.text(), 1),
+        (Reason::EventLacksLines.text(), 1),
+        (Reason::EventLineCut.text(), 1),
+        (Reason::EpochLineUnreadable.text(), 1),
+        (Reason::LastEventCutOff.text(), 1),
     ] {
         assert_eq!(file.skips.count(reason), count, "{reason}: {}", file.skips);
     }
@@ -281,7 +282,7 @@ fn header_lines_of_another_layout_are_not_written() {
     for (text, left_out) in [(all_3().0, 1), (all_2().0, 1)] {
         let records = parse(&text).into_records();
         let (text, writer) = written(&records);
-        let reason = "header line of an event that says how its file was laid out, left out";
+        let reason = Reason::LayoutLineOfEvent.text();
         assert_eq!((writer.skips().count(reason), writer.skips().total()), (left_out, left_out));
         let again = parse(&text);
         assert!(again.skips.is_empty(), "{}", again.skips);
@@ -304,7 +305,7 @@ fn header_lines_of_another_layout_are_not_written() {
     assert_eq!(writer.event(&small), "");
     let quoting = event(EventKind::External, Some(time("2020-08-13T14:19:02")), &["> quoted", "kept"]);
     assert!(writer.event(&quoting).ends_with("  5  1\nkept\n"));
-    assert_eq!(writer.skips().count("line of an event that would read as an epoch's, left out"), 1);
+    assert_eq!(writer.skips().count(Reason::EventLineLikeEpoch), 1);
 }
 
 const KINDS: [EventKind; 4] =

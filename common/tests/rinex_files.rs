@@ -8,6 +8,7 @@ use beside::required;
 use cofix_common::formats::rinex::{ObservationDecoder, ObservationFile, RinexError};
 use cofix_common::gnss::{EpochFlag, Observation, ObservationEpoch};
 use cofix_common::orbit::NavigationFile;
+use cofix_common::skips::Reason;
 
 #[test]
 #[ignore = "needs the reference data"]
@@ -159,8 +160,8 @@ fn events_and_slip_records_do_not_disturb_the_epochs() {
     assert_eq!(find(&file.epochs[1], "G10", "1C").cn0_dbhz, Some(37.0));
     assert_eq!(file.events.len(), 3);
     // The record of slips is read by the new list, too.
-    assert_eq!(file.skips.count("C/N0 outside 0 to 70 dB-Hz"), 1);
-    assert_eq!(file.skips.count("text after the last observation type"), 1);
+    assert_eq!(file.skips.count(Reason::Cn0OutOfRange), 1);
+    assert_eq!(file.skips.count(Reason::TextAfterObservationTypes), 1);
     assert_eq!(file.skips.total(), 2, "{}", file.skips);
 }
 
@@ -188,13 +189,13 @@ fn damage_costs_only_what_is_damaged() {
     let g02 = find(epoch, "G02", "1C");
     assert_eq!((g02.pseudorange_m, g02.carrier_phase_cycles), (None, Some(291_795_067.814)));
     for (reason, count) in [
-        ("value is not F14.3", 6),
-        ("pseudorange outside 1e6 to 1e9 m", 1),
-        ("Doppler beyond 200 kHz", 1),
-        ("C/N0 outside 0 to 70 dB-Hz", 1),
-        ("unknown satellite", 1),
-        ("satellite of a system without observation types", 1),
-        ("satellite twice in one epoch", 1),
+        (Reason::ValueNotF14.text(), 6),
+        (Reason::PseudorangeOutOfRange.text(), 1),
+        (Reason::DopplerOutOfRange.text(), 1),
+        (Reason::Cn0OutOfRange.text(), 1),
+        (Reason::UnknownSatellite.text(), 1),
+        (Reason::SystemWithoutObservationTypes.text(), 1),
+        (Reason::SatelliteTwice.text(), 1),
     ] {
         assert_eq!(file.skips.count(reason), count, "{reason}: {}", file.skips);
     }
@@ -218,10 +219,10 @@ fn epochs_come_in_order_and_once() {
     let seconds: Vec<f64> = file.epochs.iter().map(|e| e.time_gps.calendar().second).collect();
     assert_eq!(seconds, [2.0, 3.0, 5.0]);
     for reason in [
-        "epoch repeats the time of the one before",
-        "epoch steps back in time",
-        "epoch far from the one after it, left out",
-        "epoch line cannot be read",
+        Reason::EpochRepeatsTime.text(),
+        Reason::EpochStepsBack.text(),
+        Reason::EpochFarFromNext.text(),
+        Reason::EpochLineUnreadable.text(),
     ] {
         assert_eq!(file.skips.count(reason), 1, "{reason}: {}", file.skips);
     }
@@ -233,9 +234,9 @@ fn short_epochs_and_a_cut_end_are_told_apart() {
         format!("> 2020 08 13 14 19  2.0000000  0  2\n{G10}> 2020 08 13 14 19  3.0000000  0  2\n{G10}");
     let file = read(&body);
     assert_eq!(file.epochs.len(), 1);
-    assert_eq!(file.skips.count("epoch has fewer satellites than announced"), 1);
-    assert_eq!(file.skips.count("last epoch is cut off"), 1);
-    let (_, cut) = file.skips.iter().find(|(reason, _)| *reason == "last epoch is cut off").unwrap();
+    assert_eq!(file.skips.count(Reason::EpochLacksSatellites), 1);
+    assert_eq!(file.skips.count(Reason::LastEpochCutOff), 1);
+    let (_, cut) = file.skips.iter().find(|(reason, _)| *reason == Reason::LastEpochCutOff.text()).unwrap();
     assert!(cut.first.starts_with("line 8: 2020-08-13T14:19:03.000 GPS: 1 of 2"), "{}", cut.first);
 }
 
@@ -272,7 +273,7 @@ fn a_header_without_a_readable_first_time_is_used() {
         let file = ObservationFile::parse(text.as_bytes()).unwrap();
         assert_eq!(file.epochs[0].time_gps.calendar().second, 16.0);
         assert_eq!(file.header.first_observation, None);
-        let reason = "header's time of the first observation cannot be read, not used";
+        let reason = Reason::HeaderFirstTimeUnreadable.text();
         assert_eq!((file.skips.count(reason), file.skips.total()), (1, 1), "{}", file.skips);
     }
 }

@@ -11,6 +11,7 @@ use std::fmt::Write as _;
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::packing::decompress;
 use cofix_common::formats::rinex::{ObservationDecoder, ObservationFile};
+use cofix_common::skips::Reason;
 use hatanaka_encoder::encode;
 use proptest::prelude::*;
 
@@ -151,7 +152,7 @@ fn events_change_the_types_and_want_a_new_start() {
     let anew = "&reserved\n> 2010 10 24 22 14 31.0000000  0  1      G05\n\n3&45000\n";
     let file = ObservationFile::parse((head.clone() + anew).as_bytes()).unwrap();
     assert_eq!(file.epochs[1].observations[0].cn0_dbhz, Some(45.0), "{}", file.skips);
-    assert_eq!((file.skips.count("Hatanaka escape line"), file.skips.total()), (1, 1));
+    assert_eq!((file.skips.count(Reason::HatanakaEscapeLine), file.skips.total()), (1, 1));
     // A difference to what was before the event has no meaning.
     let file = ObservationFile::parse((head + "                    1\n\n5\n" + anew).as_bytes()).unwrap();
     assert_eq!((file.epochs.len(), file.events.len()), (2, 1), "{}", file.skips);

@@ -7,9 +7,10 @@ mod hatanaka_encoder;
 use cofix_common::formats::decode::Decoder;
 use cofix_common::formats::rinex::{NavigationDecoder, ObservationFile};
 use cofix_common::orbit::NavigationFile;
+use cofix_common::skips::Reason;
 use hatanaka_encoder::encode;
 
-const AGAIN: &str = "another header, which holds from there on";
+const AGAIN: &str = Reason::AnotherHeaderHolds.text();
 
 fn header(content: &str, label: &str) -> String {
     format!("{content:<60}{label}\n")
@@ -63,10 +64,10 @@ fn a_header_that_cannot_be_used_costs_what_follows_it() {
     let wrong = second().replace("3.04", "7.04");
     let file = ObservationFile::parse((first() + &wrong).as_bytes()).unwrap();
     assert_eq!(file.epochs.len(), 1);
-    assert_eq!(file.skips.count("another header cannot be used, nor what follows it"), 1, "{}", file.skips);
+    assert_eq!(file.skips.count(Reason::AnotherHeaderUnusable), 1, "{}", file.skips);
     let cut = second();
     let file = ObservationFile::parse((first() + &cut[..150]).as_bytes()).unwrap();
-    assert_eq!((file.epochs.len(), file.skips.count("another header is cut off")), (1, 1), "{}", file.skips);
+    assert_eq!((file.epochs.len(), file.skips.count(Reason::AnotherHeaderCutOff)), (1, 1), "{}", file.skips);
 }
 
 #[test]
@@ -108,7 +109,7 @@ fn navigation_files_are_joined_too() {
     let wrong = GPS_3.replace("3.04  ", "7.04  ");
     let file = NavigationFile::parse((GLONASS_2.to_owned() + &wrong).as_bytes()).unwrap();
     assert_eq!((file.glonass.len(), file.ephemerides.len()), (1, 0), "{}", file.skips);
-    assert_eq!(file.skips.count("another header cannot be used, nor what follows it"), 1);
+    assert_eq!(file.skips.count(Reason::AnotherHeaderUnusable), 1);
     // A header that is cut off has cost nothing.
     let mut decoder = NavigationDecoder::default();
     decoder.feed((GPS_3.to_owned() + &GLONASS_2[..81]).as_bytes()).unwrap();

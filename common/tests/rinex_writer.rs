@@ -15,6 +15,7 @@ use cofix_common::gnss::{
 };
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, UNKNOWN_ACCURACY_M};
 use cofix_common::orbit::{IonosphereTerms, NavigationFile};
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -107,7 +108,7 @@ fn navigation_files_come_back_exactly() {
             text += &glonass_record(ephemeris, file.leap_seconds).unwrap();
         }
         let again = NavigationFile::parse(text.as_bytes()).unwrap();
-        let unknown = again.skips.count("GLONASS health unknown, record kept");
+        let unknown = again.skips.count(Reason::GlonassHealthUnknown);
         assert_eq!(again.skips.total(), unknown, "{path}: {}", again.skips);
         assert_eq!(again.ionosphere, file.ionosphere, "{path}");
         assert_eq!(by_time(&again.glonass), by_time(&file.glonass), "{path}");
@@ -150,8 +151,8 @@ fn what_the_format_cannot_hold_is_counted() {
         observations: vec![observation],
     };
     let (text, writer) = written(std::slice::from_ref(&epoch), &RecordingInfo::default());
-    assert_eq!(writer.skips().count("value does not fit F14.3, left out"), 2);
-    assert_eq!(writer.skips().count("value rounds to zero, which RINEX reads as missing"), 1);
+    assert_eq!(writer.skips().count(Reason::ValueBeyondF14), 2);
+    assert_eq!(writer.skips().count(Reason::ValueRoundsZero), 1);
     let again = ObservationFile::parse(text.as_bytes()).unwrap();
     let only = Observation { carrier_phase_cycles: None, doppler_hz: None, cn0_dbhz: None, ..observation };
     assert_eq!(again.epochs[0].observations, [only]);

@@ -6,6 +6,7 @@
 mod rtcm_support;
 
 use cofix_common::formats::rtcm::DatingHint;
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use rtcm_support::dates::{
     BEIDOU, DAY_S, GALILEO, GLONASS, GPS, WEEK_S, at, glonass, glonass_ephemeris, gps, observed, others,
@@ -19,8 +20,6 @@ type Sent = (GpsTime, Vec<u8>);
 const NOON: &str = "2020-06-25T12:00:00";
 /// The last seconds of a week.
 const WEEKS_END: &str = "2020-06-27T23:59:58";
-
-const WRONG_DAY: &str = "GLONASS day of the week contradicts the stream's time, not used";
 
 /// Epochs a second apart of these messages each.
 fn epochs(begin: GpsTime, count: i32, of: &[u64]) -> Vec<Vec<u8>> {
@@ -205,7 +204,12 @@ fn glonass_days_that_are_wrong_cost_nothing() {
                     );
                     assert_eq!(read.systems, vec![systems; 30].join(" "), "day {day}, {hours} h");
                     let wrong = if [4, 7].contains(&day) { 0 } else { 30 };
-                    assert_eq!(read.skips.count(WRONG_DAY), wrong, "day {day}: {}", read.skips);
+                    assert_eq!(
+                        read.skips.count(Reason::GlonassDayContradictsStream),
+                        wrong,
+                        "day {day}: {}",
+                        read.skips
+                    );
                 }
             }
         }
@@ -294,11 +298,5 @@ fn ephemerides_of_another_week_go_along_with_live_observations() {
     assert_eq!(read.epochs.len(), 6);
     let weeks: Vec<_> = read.toes.iter().map(|toe| ((*toe - begin) / WEEK_S).round()).collect();
     assert_eq!(weeks, [0.0, -5.0, -5.0, -5.0], "the first alone is not believed");
-    assert_eq!(
-        read.skips
-            .count("ephemerides of another week than the date given, taken for the week of the observations"),
-        1,
-        "{}",
-        read.skips
-    );
+    assert_eq!(read.skips.count(Reason::EphemeridesOfOtherWeekThanDate), 1, "{}", read.skips);
 }

@@ -7,6 +7,7 @@ mod rtcm_support;
 use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
+use cofix_common::skips::Reason;
 use rtcm_rs::Message;
 use rtcm_rs::msg::{GpsSigId, Msg1074Data, Msg1074Sig, Msg1074T, Msm46Sat};
 use rtcm_support::legacy::{
@@ -55,7 +56,7 @@ fn indicators_name_the_signals() {
     assert_eq!(names(&gps[0]), "G01-1C G01-2X G02-1P G02-2P G03-1C G03-2D G04-1C G04-2W", "{skips}");
     let (glonass, skips) = epochs(&[message(1_012, 0, 0, &satellites)]);
     assert_eq!(names(&glonass[0]), "R01-1C R01-2C R02-1P R02-2P R03-1C R04-1C");
-    assert_eq!((skips.total(), skips.count("reserved signal number")), (2, 2), "{skips}");
+    assert_eq!((skips.total(), skips.count(Reason::ReservedSignalNumber)), (2, 2), "{skips}");
     let single = epochs(&[message(1_002, 0, 1, &satellites), message(1_010, 0, 0, &satellites[..1])]).0;
     assert_eq!(names(&single[0]), "G01-1C G02-1P G03-1C G04-1C R01-1C");
 }
@@ -83,8 +84,8 @@ fn values_that_are_marked_as_missing_are_missing() {
             .collect();
         let (code, all) = ((true, false, true), (true, true, true));
         assert_eq!(has, [code, code, (true, true, false), all, all, (false, true, true)]);
-        assert_eq!(skips.count("L1 pseudorange without phase and C/N0 is not valid"), 1, "{skips}");
-        assert_eq!(skips.count("pseudorange beyond its modulus"), 1, "{skips}");
+        assert_eq!(skips.count(Reason::L1PseudorangeNotValid), 1, "{skips}");
+        assert_eq!(skips.count(Reason::PseudorangeBeyondModulus), 1, "{skips}");
         assert_eq!(skips.total(), 2, "{skips}");
     }
 }
@@ -95,15 +96,15 @@ fn satellites_that_are_none_are_counted() {
     let numbers = [0, 1, 32, 33, 39, 40, 58, 59, 63].map(of);
     let (gps, skips) = epochs(&[message(1_002, 0, 0, &numbers)]);
     assert_eq!(names(&gps[0]), "G01-1C G32-1C");
-    assert_eq!(skips.count("SBAS observations are not used"), 2, "{skips}");
-    assert_eq!(skips.count("reserved satellite number"), 5, "{skips}");
+    assert_eq!(skips.count(Reason::SbasObservationsNotUsed), 2, "{skips}");
+    assert_eq!(skips.count(Reason::ReservedSatelliteNumber), 5, "{skips}");
     let near = Sent { ambiguity: 3, ..of(4) };
     let (glonass, skips) = epochs(&[message(1_010, 0, 0, &[of(0), of(1), of(24), of(38), near])]);
     assert_eq!(names(&glonass[0]), "R01-1C R24-1C R04-1C");
     let nearer = Sent { ambiguity: 1, ..near };
-    assert_eq!(epochs(&[message(1_010, 0, 0, &[nearer])]).1.count("pseudorange below 1e6 m"), 1);
-    assert_eq!(skips.count("GLONASS satellite of an unknown slot"), 1, "{skips}");
-    assert_eq!(skips.count("SBAS observations are not used"), 1, "{skips}");
+    assert_eq!(epochs(&[message(1_010, 0, 0, &[nearer])]).1.count(Reason::PseudorangeTooShort), 1);
+    assert_eq!(skips.count(Reason::GlonassSatelliteUnknownSlot), 1, "{skips}");
+    assert_eq!(skips.count(Reason::SbasObservationsNotUsed), 1, "{skips}");
 }
 
 #[test]
@@ -123,7 +124,7 @@ fn a_channel_is_learnt_and_a_reserved_one_is_not() {
         })
         .collect();
     assert_eq!(phases, [false, true, true]);
-    assert_eq!(decoder.skips().count("phase and Doppler without a known GLONASS channel"), 2);
+    assert_eq!(decoder.skips().count(Reason::PhaseWithoutGlonassChannel), 2);
 }
 
 /// Of a phase whose channel is not known nothing is left where the message has nothing else of the signal.
@@ -132,7 +133,7 @@ fn a_phase_alone_without_a_channel_is_no_observation() {
     let second = Second { code: NO_CODE, cn0: 0, ..SENT.second };
     let (epochs, skips) = epochs(&[message(1_012, 0, 0, &[Sent { channel: 21, second, ..SENT }])]);
     assert_eq!(epochs[0].observations.len(), 1, "{epochs:?}");
-    assert_eq!(skips.count("phase and Doppler without a known GLONASS channel"), 2, "{skips}");
+    assert_eq!(skips.count(Reason::PhaseWithoutGlonassChannel), 2, "{skips}");
 }
 
 /// The indicator counts seconds first.
@@ -206,11 +207,11 @@ fn messages_cut_short_and_impossible_times_are_counted() {
         for length in 2..content.len() {
             let (records, skips) = decode(&[&frame_of(&content[..length])]);
             assert!(records.is_empty(), "{number}: {length} of {} bytes", content.len());
-            assert_eq!(skips.count("message shorter than its type demands"), 1, "{length}: {skips}");
+            assert_eq!(skips.count(Reason::MessageTooShort), 1, "{length}: {skips}");
         }
         let late = write(number, if is_glonass(number) { 86_401_000 } else { 604_800_000 }, 0, &[SENT]);
         let (records, skips) = decode(&[&late.frame()]);
-        assert!(records.is_empty() && skips.count("message with an impossible time") == 1, "{skips}");
+        assert!(records.is_empty() && skips.count(Reason::MessageImpossibleTime) == 1, "{skips}");
     }
 }
 
@@ -240,8 +241,6 @@ fn msm(seconds: u32, more: u8) -> Vec<u8> {
     }))
 }
 
-const OUTRANKED: &str = "legacy observation of a signal that MSM has too";
-
 /// The other satellite has legacy observations alone.
 #[test]
 fn multiple_signal_messages_outrank_legacy_ones_of_the_same_epoch() {
@@ -253,7 +252,7 @@ fn multiple_signal_messages_outrank_legacy_ones_of_the_same_epoch() {
     {
         let (epochs, skips) = epochs(&frames);
         assert_eq!(epochs.iter().map(names).collect::<Vec<_>>(), [expected]);
-        assert_eq!((skips.total(), skips.count(OUTRANKED)), (2, 2), "{skips}");
+        assert_eq!((skips.total(), skips.count(Reason::LegacyObservationOutranked)), (2, 2), "{skips}");
     }
 }
 
@@ -266,8 +265,8 @@ fn a_stream_that_marks_the_legacy_message_as_the_last_costs_one_message() {
     assert_eq!(named, ["G07-1C G07-2X", "G07-1C G07-2W", "G07-1C G07-2W", "G07-1C G07-2W"]);
     let slips: Vec<_> = epochs.iter().map(|e| e.observations[0].loss_of_lock.cycle_slip).collect();
     assert_eq!(slips, [false, true, false, false]);
-    assert_eq!(skips.count("message after the one marked as its epoch's last"), 1, "{skips}");
-    assert_eq!((skips.total(), skips.count(OUTRANKED)), (7, 6), "{skips}");
+    assert_eq!(skips.count(Reason::MessageAfterLastOfEpoch), 1, "{skips}");
+    assert_eq!((skips.total(), skips.count(Reason::LegacyObservationOutranked)), (7, 6), "{skips}");
 }
 
 #[test]
@@ -275,5 +274,5 @@ fn a_legacy_message_after_the_last_multiple_signal_message_costs_nothing() {
     let frames: Vec<_> = (0..3).flat_map(|s| [msm(s, 0), message(1_004, s, 0, &[SENT])]).collect();
     let (epochs, skips) = epochs(&frames);
     assert_eq!(epochs.iter().map(names).collect::<Vec<_>>(), ["G07-1C G07-2W"; 3]);
-    assert_eq!((skips.total(), skips.count(OUTRANKED)), (6, 6), "{skips}");
+    assert_eq!((skips.total(), skips.count(Reason::LegacyObservationOutranked)), (6, 6), "{skips}");
 }

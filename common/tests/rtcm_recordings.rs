@@ -9,7 +9,7 @@ use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::gnss::{Observation, ObservationEpoch};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 
 fn decode(bytes: &[u8], portion: usize) -> (Vec<ObservationEpoch>, Skips) {
     let mut decoder = RtcmDecoder::new(RtcmOptions::near("2020-08-12T00:00:00".parse().unwrap()));
@@ -57,7 +57,7 @@ fn the_streams_observations_are_those_of_the_rinex_files() {
         println!("{session}: {} epochs against {}; skipped: {skips}", ours.len(), theirs.len());
         assert_eq!(ours.len(), epochs);
         assert_eq!(
-            skips.count("byte outside any frame") + cut_off(&skips) + lacking(&skips),
+            skips.count(Reason::ByteOutsideAnyFrame) + cut_off(&skips) + lacking(&skips),
             skips.total(),
             "{skips}"
         );
@@ -95,12 +95,12 @@ fn the_streams_observations_are_those_of_the_rinex_files() {
 
 /// How often a stream ended within a frame.
 fn cut_off(skips: &Skips) -> u64 {
-    skips.count("frame cut off by the end of the stream")
+    skips.count(Reason::FrameCutOff)
 }
 
 /// How often the last epoch came without its last message.
 fn lacking(skips: &Skips) -> u64 {
-    skips.count("last epoch lacks messages that were announced, kept")
+    skips.count(Reason::LastEpochLacksMessages)
 }
 
 #[derive(Debug, Default, PartialEq)]

@@ -7,7 +7,7 @@ mod rtcm_support;
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions, Station};
 use cofix_common::orbit::GlonassEphemeris;
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use rtcm_support::{NOW, Writer, decode, frame_of};
 
 /// The fields that tests change. Numbers are as sent.
@@ -159,8 +159,8 @@ fn a_repeated_message_gives_one_record_and_an_absurd_one_none() {
     ];
     let (records, skips) = outcome(&stream.concat());
     assert_eq!(records.len(), 2);
-    assert_eq!(skips.count("ephemeris with impossible values"), 4, "{skips}");
-    assert_eq!(skips.count("message shorter than its type demands"), 1, "{skips}");
+    assert_eq!(skips.count(Reason::EphemerisImpossible), 4, "{skips}");
+    assert_eq!(skips.count(Reason::MessageTooShort), 1, "{skips}");
 }
 
 fn station(frame: &[u8]) -> (Option<Station>, Skips) {
@@ -205,9 +205,9 @@ fn heights_are_read_and_absurd_positions_refused() {
     assert_eq!((known.id, known.antenna_height_m), (4095, Some(1.5)));
     assert!((known.position.0.x + 3_817_681.121_3).abs() < 1e-8);
     let short = station_message(1006, place).frame();
-    assert_eq!(station(&short).1.count("message shorter than its type demands"), 1);
+    assert_eq!(station(&short).1.count(Reason::MessageTooShort), 1);
     for place in [[0, 0, 0], [1 << 36, 0, 0]] {
         let (refused, skips) = station(&station_message(1005, place).frame());
-        assert_eq!((refused, skips.count("station position that cannot be")), (None, 1), "{skips}");
+        assert_eq!((refused, skips.count(Reason::StationPositionImpossible)), (None, 1), "{skips}");
     }
 }

@@ -8,7 +8,7 @@ use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::gnss::{Observation, ObservationEpoch};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use proptest::prelude::*;
 use rtcm_rs::Message;
@@ -20,8 +20,6 @@ use rtcm_rs::msg::{
 };
 use rtcm_rs::util::DataVec;
 use rtcm_support::{NOW, TOW_MS, decode, frame, frame_of, lnav, number};
-
-const FAR_AHEAD: &str = "message far ahead of those around it, left out";
 
 fn list<T: Default + Clone, const N: usize>(items: impl IntoIterator<Item = T>) -> DataVec<T, N> {
     let mut list = DataVec::new();
@@ -157,11 +155,7 @@ fn messages_of_an_instant_become_one_epoch() {
     assert_eq!(by_bit[1].time_gps - by_bit[0].time_gps, 1.0);
     // Without a last message the next instant ends the epoch, and the stream's end the last one.
     let (by_time, skips) = epochs(&[two[0].clone(), two[2].clone()]);
-    assert_eq!(
-        (skips.total(), skips.count("last epoch lacks messages that were announced, kept")),
-        (1, 1),
-        "{skips}"
-    );
+    assert_eq!((skips.total(), skips.count(Reason::LastEpochLacksMessages)), (1, 1), "{skips}");
     assert_eq!(by_time.iter().map(names).collect::<Vec<_>>(), vec!["G07-1C G07-5Q G12-1C G31-5Q"; 2]);
 }
 
@@ -175,11 +169,7 @@ fn a_stream_that_marks_every_message_as_the_last_costs_one_message() {
     let (epochs, skips) = epochs(&frames);
     let sizes: Vec<_> = epochs.iter().map(|epoch| epoch.observations.len()).collect();
     assert_eq!(sizes, [4, 5, 5, 5], "{skips}");
-    assert_eq!(
-        (skips.total(), skips.count("message after the one marked as its epoch's last")),
-        (1, 1),
-        "{skips}"
-    );
+    assert_eq!((skips.total(), skips.count(Reason::MessageAfterLastOfEpoch)), (1, 1), "{skips}");
 }
 
 #[test]
@@ -187,18 +177,18 @@ fn late_and_repeated_messages_are_counted_and_a_stream_set_back_goes_on() {
     let at = |seconds: u32| frame(&gps(TOW_MS + seconds * 1_000, 0));
     let (good, skips) = epochs(&[at(0), at(0), at(5), at(4), at(6)]);
     assert_eq!(good.len(), 3);
-    assert_eq!(skips.count("message repeated"), 1, "{skips}");
-    assert_eq!(skips.count("message older than the epoch before it"), 1, "{skips}");
+    assert_eq!(skips.count(Reason::MessageRepeated), 1, "{skips}");
+    assert_eq!(skips.count(Reason::MessageOlderThanEpoch), 1, "{skips}");
     // One wrong time within the stream costs its message.
     let jump: Vec<_> = (0..5).chain([5_000]).chain(5..30).map(at).collect();
     let (good, skips) = epochs(&jump);
     assert!(good.is_sorted_by(|a, b| a.time_gps < b.time_gps), "{skips}");
-    assert_eq!((good.len(), skips.count(FAR_AHEAD)), (30, 1), "{skips}");
+    assert_eq!((good.len(), skips.count(Reason::MessageFarAhead)), (30, 1), "{skips}");
     // At the beginning it is the stream that is set back.
     let back: Vec<_> = std::iter::once(at(5_000)).chain((0..30).map(at)).collect();
     let (good, skips) = epochs(&back);
     assert_eq!(good.len(), 1 + 20, "{skips}");
-    assert_eq!(skips.count("the stream's time stepped back"), 1, "{skips}");
+    assert_eq!(skips.count(Reason::StreamTimeSteppedBack), 1, "{skips}");
 }
 
 #[test]
@@ -257,7 +247,7 @@ fn glonass_phase_needs_the_channel_that_other_messages_tell() {
     close(phases[1], 0.066 * frequency, 1e-6);
     close(phases[2], 0.066 * frequency, 1e-6);
     close(epochs[1].observations[0].doppler_hz, -100.0 * frequency / SPEED_OF_LIGHT_MPS, 1e-9);
-    assert_eq!(skips.count("phase and Doppler without a known GLONASS channel"), 1, "{skips}");
+    assert_eq!(skips.count(Reason::PhaseWithoutGlonassChannel), 1, "{skips}");
 }
 
 #[test]
@@ -326,11 +316,11 @@ fn what_is_not_read_is_counted_by_its_number() {
         frame_of(&[]),
     ]
     .concat()]);
-    assert_eq!(skips.count("SBAS observations are not used"), 1, "{skips}");
-    assert_eq!(skips.count("station position that cannot be"), 2, "the Earth's centre: {skips}");
-    assert_eq!(skips.count("ephemeris with impossible values"), 1, "{skips}");
+    assert_eq!(skips.count(Reason::SbasObservationsNotUsed), 1, "{skips}");
+    assert_eq!(skips.count(Reason::StationPositionImpossible), 2, "the Earth's centre: {skips}");
+    assert_eq!(skips.count(Reason::EphemerisImpossible), 1, "{skips}");
     assert_eq!(skips.count("message 1013 is not read"), 1, "{skips}");
-    assert_eq!(skips.count("frame without a message"), 1, "{skips}");
+    assert_eq!(skips.count(Reason::FrameWithoutMessage), 1, "{skips}");
     assert_eq!(skips.total(), 6, "{skips}");
 }
 
@@ -341,16 +331,16 @@ fn impossible_messages_in_valid_frames_are_counted() {
     content[..2].copy_from_slice(&number(1077));
     let (records, skips) = decode(&[&frame_of(&content)]);
     assert!(records.is_empty());
-    assert_eq!(skips.count("message with more than 64 signals"), 1, "{skips}");
+    assert_eq!(skips.count(Reason::MessageWithTooManySignals), 1, "{skips}");
     let whole = frame(&gps(TOW_MS, 0));
     let content = &whole[3..whole.len() - 3];
     for length in 2..content.len() {
         let (records, skips) = decode(&[&frame_of(&content[..length])]);
         assert!(records.is_empty(), "{length} of {} bytes", content.len());
-        assert_eq!(skips.count("message shorter than its type demands"), 1, "{length}: {skips}");
+        assert_eq!(skips.count(Reason::MessageTooShort), 1, "{length}: {skips}");
     }
     let (records, skips) = decode(&[&frame(&gps(604_800_000, 0))]);
-    assert!(records.is_empty() && skips.count("message with an impossible time") == 1, "{skips}");
+    assert!(records.is_empty() && skips.count(Reason::MessageImpossibleTime) == 1, "{skips}");
 }
 
 /// A signal that the standard reserves costs that signal alone.
@@ -381,7 +371,7 @@ fn a_reserved_signal_does_not_cost_the_message() {
     content[bit(5) / 8] |= 0x80 >> (bit(5) % 8);
     let (epochs, skips) = epochs(&[frame_of(&content)]);
     assert_eq!(names(&epochs[0]), "G07-1C");
-    assert_eq!(skips.count("reserved signal number"), 1, "{skips}");
+    assert_eq!(skips.count(Reason::ReservedSignalNumber), 1, "{skips}");
 }
 
 #[test]

@@ -5,7 +5,7 @@
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::whu::{SpareLogDecoder, StatedSigmas};
 use cofix_common::gnss::{Observation, ObservationEpoch};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
 type Stated = Vec<StatedSigmas>;
@@ -73,7 +73,7 @@ fn zero_and_null_are_missing() {
     let Observation { carrier_phase_cycles, doppler_hz, cn0_dbhz, .. } = epoch.observations[0];
     assert_eq!((carrier_phase_cycles, doppler_hz, cn0_dbhz), (None, None, None));
     assert_eq!(stated.as_slice(), [StatedSigmas::default()]);
-    assert_eq!((epoch.observations.len(), skips.count("signal without any value")), (1, 1));
+    assert_eq!((epoch.observations.len(), skips.count(Reason::SignalWithoutValue)), (1, 1));
 }
 
 /// The indicator of an epoch without a phase holds for the next phase.
@@ -113,15 +113,15 @@ fn whole_numbers_may_be_written_as_floating_point() {
 #[test]
 fn a_bad_signal_costs_itself() {
     for (bad, reason) in [
-        ("7", "satellite index of no satellite"),
-        ("null", "satellite index of no satellite"),
-        ("{}", "satellite index of no satellite"),
-        (r#"{"prn":300,"type":"L1C","p":2.1E7}"#, "satellite index of no satellite"),
-        (r#"{"prn":1.5,"type":"L1C","p":2.1E7}"#, "satellite index of no satellite"),
-        (r#"{"prn":36,"type":"L5X","p":2.1E7}"#, "observation code of no signal of the system"),
-        (r#"{"prn":101,"type":"L1X","p":2.1E7}"#, "observation code of no signal of the system"),
-        (r#"{"prn":10,"type":"L1C","p":2.1E7}"#, "signal repeated in its epoch"),
-        (r#"{"prn":12,"type":"L1C","p":5.0}"#, "pseudorange outside 1e6 to 1e9 m"),
+        ("7", Reason::SatelliteIndexOfNoSatellite.text()),
+        ("null", Reason::SatelliteIndexOfNoSatellite.text()),
+        ("{}", Reason::SatelliteIndexOfNoSatellite.text()),
+        (r#"{"prn":300,"type":"L1C","p":2.1E7}"#, Reason::SatelliteIndexOfNoSatellite.text()),
+        (r#"{"prn":1.5,"type":"L1C","p":2.1E7}"#, Reason::SatelliteIndexOfNoSatellite.text()),
+        (r#"{"prn":36,"type":"L5X","p":2.1E7}"#, Reason::ObservationCodeOfNoSignal.text()),
+        (r#"{"prn":101,"type":"L1X","p":2.1E7}"#, Reason::ObservationCodeOfNoSignal.text()),
+        (r#"{"prn":10,"type":"L1C","p":2.1E7}"#, Reason::SignalRepeated.text()),
+        (r#"{"prn":12,"type":"L1C","p":5.0}"#, Reason::PseudorangeOutOfRange.text()),
     ] {
         let (epochs, skips) = decode(&line(0.0, &[GPS, bad]));
         assert_eq!(epochs[0].0.observations.len(), 1, "{bad}");
@@ -149,7 +149,7 @@ fn ends_and_line_ends() {
     let without_end = text.trim_end();
     assert_eq!((decode(without_end).0.len(), decode(without_end).1.total()), (2, 0), "it is complete");
     let cut = &text[..text.len() - 30];
-    assert_eq!((decode(cut).0.len(), decode(cut).1.count("last line is cut off")), (1, 1));
+    assert_eq!((decode(cut).0.len(), decode(cut).1.count(Reason::LastLineCutOff)), (1, 1));
 }
 
 #[test]

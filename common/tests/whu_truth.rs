@@ -5,11 +5,11 @@
 use cofix_common::accuracy::{Truth, TruthError};
 use cofix_common::formats::whu::{is_truth_table, truth_table};
 use cofix_common::frames::LocalFrame;
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
 const HEADER: &str = "   GPSTime         Latitude        Longitude      H-Ell      Vel-N      Vel-E    Vel-U   Q\r\n     (sec)            (Deg)            (Deg)        (m)      (m/s)      (m/s)    (m/s)  \r\n";
-const EXCHANGED: &str = "velocities north and east stand in each other's column, exchanged";
+const EXCHANGED: &str = Reason::VelocityColumnsExchanged.text();
 
 fn near() -> GpsTime {
     GpsTime::from_week_tow(2118, 397_140.0)
@@ -82,7 +82,7 @@ fn qualities_and_bad_rows() {
     let (truth, skips) = read(rows, near());
     assert_eq!((truth.times(&[1]).count(), truth.times(&[4]).count()), (1, 1));
     assert_eq!(
-        (skips.count("truth row unreadable"), skips.count("truth row out of range")),
+        (skips.count(Reason::TruthRowUnreadable), skips.count(Reason::TruthRowOutOfRange)),
         (4, 2),
         "{skips}"
     );

@@ -7,7 +7,7 @@
 mod desk;
 mod run;
 
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::wire::{EpochMessage, KeptMessage, MessageKind, StatusMessage, WireError, decode};
 
 use desk::Desk;
@@ -35,9 +35,6 @@ pub struct Finished {
     /// Why it ended early, if it did.
     pub error: Option<String>,
 }
-
-/// Why epochs that an agent published are missing.
-pub const NOT_ARRIVED: &str = "published epochs did not arrive";
 
 /// The hub's desk for arrivals.
 #[derive(Debug)]
@@ -111,11 +108,11 @@ impl Intake {
         let message = match decode::<StatusMessage>(&arrival.bytes) {
             Ok(message) if message.phone == arrival.phone => message,
             Ok(message) => {
-                desk.skips.add("status of another phone", || format!("it names '{}'", message.phone));
+                desk.skips.add(Reason::StatusOfOtherPhone, || format!("it names '{}'", message.phone));
                 return None;
             }
             Err(error) => {
-                desk.skips.add("status unreadable", || error.to_string());
+                desk.skips.add(Reason::StatusUnreadable, || error.to_string());
                 return None;
             }
         };
@@ -140,7 +137,7 @@ impl Intake {
             Err(error) => error.to_string(),
         };
         let (_, desk) = self.desk(arrival)?;
-        desk.skips.add("history unreadable", || error);
+        desk.skips.add(Reason::HistoryUnreadable, || error);
         None
     }
 
@@ -149,7 +146,7 @@ impl Intake {
         let message = match decode::<EpochMessage>(&arrival.bytes) {
             Ok(message) => message,
             Err(error) => {
-                desk.skips.add("message unreadable", || error.to_string());
+                desk.skips.add(Reason::MessageUnreadable, || error.to_string());
                 return None;
             }
         };
@@ -158,7 +155,7 @@ impl Intake {
             Counted::New => {}
             Counted::Repeated { asked_for: false } => {
                 let time = message.time_gps;
-                desk.skips.add("message received twice", || format!("sequence {sequence} at {time}"));
+                desk.skips.add(Reason::MessageReceivedTwice, || format!("sequence {sequence} at {time}"));
                 return None;
             }
             Counted::Repeated { asked_for: true } | Counted::TooEarly => return None,
@@ -271,7 +268,7 @@ impl Intake {
 
     fn desk(&mut self, arrival: &Arrival) -> Option<(usize, &mut Desk)> {
         let Some(phone) = self.index(&arrival.phone) else {
-            self.skips.add("phone unknown to the session", || {
+            self.skips.add(Reason::PhoneUnknown, || {
                 format!("'{}'; the session has {}", arrival.phone, self.names.join(", "))
             });
             return None;

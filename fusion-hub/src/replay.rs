@@ -234,11 +234,7 @@ fn recorded_near(phone: &SessionPhone) -> anyhow::Result<GpsTime> {
 
 /// Adds counts under the name of what was being done, and the place to the first instances.
 fn merge_named(skips: &mut Skips, doing: &str, more: &Skips, place: &str) {
-    for (reason, skip) in more.iter() {
-        for _ in 0..skip.count {
-            skips.add(&format!("{doing}: {reason}"), || format!("{place}: {}", skip.first));
-        }
-    }
+    skips.merge(&more.with_prefix(&format!("{doing}: ")).with_place(place));
 }
 
 /// Runs a session from the first epoch to the last. Blocks.

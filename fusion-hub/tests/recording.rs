@@ -12,6 +12,7 @@ use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::integrity::Verdict;
 use cofix_common::measurement::Usage;
 use cofix_common::recording::{APPLICATION_ID, TIMELINE};
+use cofix_common::skips::Reason;
 use cofix_hub::recorder::{Recorded, Recorder, RecorderError, Reference};
 use rerun::external::re_log_types::StoreId;
 use rerun::log::Chunk;
@@ -263,7 +264,7 @@ fn values_that_are_not_finite_are_counted() {
         message.observations[0].cn0_dbhz = Some(f64::NAN);
         epoch.distances[0].maximum_m = f64::INFINITY; // no bound: not an error
     });
-    assert_eq!(recorded.skips.count("not a finite number: not recorded"), 2, "{}", recorded.skips);
+    assert_eq!(recorded.skips.count(Reason::NotFinite), 2, "{}", recorded.skips);
     assert_eq!(recorded.skips.total(), 4, "and a position and a covariance: {}", recorded.skips);
     let store = recording(&path);
     let time_ns = (start() + 3.0).as_unix_calendar_nanos();

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 use cofix_agent::Stop;
 use cofix_agent::files::Named;
 use cofix_common::simulation::Scenario;
+use cofix_common::skips::Reason;
 use cofix_hub::demo;
 use cofix_hub::replay::{ReplayOptions, replay};
 use cofix_hub::report::{InputFile, Report, SameObservations};
@@ -62,7 +63,7 @@ fn every_key_of_a_report_is_documented() {
     let mut report = report();
     report.inputs =
         vec![InputFile::read(&Named::new("the observations of a", &input), folder.path()).unwrap()];
-    report.skips.add("a reason", || "the first".to_owned());
+    report.skips.add(Reason::SourceFailed, || "the first".to_owned());
     let phones = ["a", "b"].map(str::to_owned);
     report.same_observations = vec![SameObservations { phones, epochs: 1 }];
     let value: Value = serde_json::from_str(&report.json().unwrap()).unwrap();

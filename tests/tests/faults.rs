@@ -9,7 +9,7 @@ use cofix_agent::publication::{Publication, Publisher};
 use cofix_agent::{AgentConfig, AgentError, ProductSource, Source, Speed, Stop, link};
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::simulation::PhoneOptions;
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::{
     EpochMessage, FusedMessage, PhoneStatus, all_epochs_key, all_fused_key, decode, encode, epoch_key,
@@ -72,10 +72,10 @@ fn garbage_of_others_is_counted_and_changes_nothing() {
     assert_eq!(report.methods, clean.methods);
     assert_eq!(report.epochs, clean.epochs);
     let skips = &report.phones["SIM1"].skips;
-    assert_eq!(skips.count("message unreadable"), 4, "{skips}");
-    assert_eq!(skips.count("status unreadable"), 1, "{skips}");
-    assert_eq!(skips.count("epoch far from its neighbours"), 1, "{skips}");
-    assert_eq!(report.skips.count("phone unknown to the session"), 1);
+    assert_eq!(skips.count(Reason::MessageUnreadable), 4, "{skips}");
+    assert_eq!(skips.count(Reason::StatusUnreadable), 1, "{skips}");
+    assert_eq!(skips.count(Reason::EpochFarFromNeighbours), 1, "{skips}");
+    assert_eq!(report.skips.count(Reason::PhoneUnknown), 1);
     assert!(report.phones["SIM2"].skips == clean.phones["SIM2"].skips);
 }
 
@@ -102,8 +102,8 @@ fn absurd_values_cost_their_satellite_and_nothing_else() {
     publication.close().unwrap();
     let phone = &report.phones["SIM1"];
     assert_eq!(phone.epochs, sent.len() as u64);
-    assert_eq!(phone.skips.count("observation in a message"), 2 * sent.len() as u64);
-    assert!(phone.skips.count("part of a message") > 0);
+    assert_eq!(phone.skips.count(Reason::ObservationInMessage), 2 * sent.len() as u64);
+    assert!(phone.skips.count(Reason::PartOfMessage) > 0);
     assert!(report.methods.joint["SIM1"].unwrap().availability > 0.95);
     assert_eq!(report.methods.local["SIM1"], None, "every local state was absurd");
 }
@@ -205,7 +205,7 @@ fn an_agent_that_vanishes_does_not_stop_the_others_and_may_come_back() {
     assert_eq!(report.phones["SIM1"].epochs, 10 + rest.len() as u64);
     // Its first epochs are of a time that was fused already when it came.
     let other = &report.phones["SIM2"];
-    assert_eq!(other.epochs + other.skips.count("epoch too late"), messages(&plan, 1).len() as u64);
+    assert_eq!(other.epochs + other.skips.count(Reason::EpochTooLate), messages(&plan, 1).len() as u64);
     assert!(other.epochs >= 20, "{}", other.epochs);
 }
 
@@ -267,7 +267,7 @@ fn nothing_is_lost_live(plan: &Plan, speed: Speed) {
     let report = hub.join().unwrap();
     for (index, phone) in plan.phones.iter().enumerate() {
         let found = &report.phones[&phone.name];
-        assert_eq!(found.skips.count("epoch too late"), 0, "{}: {}", phone.name, found.skips);
+        assert_eq!(found.skips.count(Reason::EpochTooLate), 0, "{}: {}", phone.name, found.skips);
         assert_eq!(found.epochs, messages(plan, index).len() as u64, "{}", phone.name);
     }
 }
@@ -317,7 +317,11 @@ fn a_late_live_hub_loses_nothing_of_two_phones() {
     let report = second.join().unwrap();
     for (phone, sent) in ["SIM1", "SIM2"].iter().zip(&sent) {
         let found = &report.phones[*phone];
-        assert_eq!((found.epochs, found.skips.count("epoch too late")), (sent.len() as u64, 0), "{phone}");
+        assert_eq!(
+            (found.epochs, found.skips.count(Reason::EpochTooLate)),
+            (sent.len() as u64, 0),
+            "{phone}"
+        );
     }
 }
 
@@ -335,7 +339,7 @@ fn a_lost_message_is_counted_live_and_the_session_ends() {
     publication.status(PhoneStatus::Finished { epochs_published, skips, error: None }).unwrap();
     let report = hub.join().unwrap();
     assert_eq!(report.phones["SIM1"].epochs, sent.len() as u64);
-    assert_eq!(report.phones["SIM1"].skips.count("published epochs did not arrive"), 2);
+    assert_eq!(report.phones["SIM1"].skips.count(Reason::EpochsNotArrived), 2);
     publication.close().unwrap();
 }
 
@@ -383,7 +387,7 @@ fn the_end_waits_for_both_agents_of_one_name() {
         publication.status(PhoneStatus::Finished { epochs_published, skips, error: None }).unwrap();
     }
     let report = hub.join().unwrap();
-    assert_eq!(report.phones["SIM1"].skips.count("two agents of one name at a time"), 1);
+    assert_eq!(report.phones["SIM1"].skips.count(Reason::TwoAgentsOfOneName), 1);
     assert_eq!(report.phones["SIM1"].epochs, sent.len() as u64);
     for publication in both {
         publication.close().unwrap();
@@ -536,7 +540,7 @@ fn what_an_agent_does_not_keep_is_counted_and_the_agent_knows() {
     assert!((20..=total - 30).contains(&confirmed), "{confirmed}");
     let found = &report.phones["SIM1"];
     assert_eq!(found.epochs, confirmed);
-    assert_eq!(found.skips.count("published epochs did not arrive"), total - confirmed, "{}", found.skips);
+    assert_eq!(found.skips.count(Reason::EpochsNotArrived), total - confirmed, "{}", found.skips);
     assert!(found.skips.to_string().contains("its agent does not keep them any more"), "{}", found.skips);
     assert!(other.is_ok(), "{other:?}");
     assert_eq!(report.phones["SIM2"].epochs, messages(&plan, 1).len() as u64);

@@ -8,7 +8,7 @@ use cofix_common::formats::decode::Record;
 use cofix_common::formats::rinex::{
     ObservationLayout, ObservationWriter, RecordingInfo, glonass_record, navigation_header, navigation_record,
 };
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::leap_seconds_at;
 use cofix_common::time::{Calendar, GpsTime};
 
@@ -253,7 +253,7 @@ fn write_navigation(
     output.put(&navigation_header(&contents.info.created, &navigation.ionosphere, leap_seconds))?;
     for ephemeris in &navigation.ephemerides {
         let Some(record) = navigation_record(ephemeris) else {
-            converted.skips.add("ephemeris that is not written", || ephemeris.satellite.to_string());
+            converted.skips.add(Reason::EphemerisNotWritten, || ephemeris.satellite.to_string());
             continue;
         };
         converted.ephemerides += 1;
@@ -261,7 +261,7 @@ fn write_navigation(
     }
     for ephemeris in &navigation.glonass {
         let Some(record) = glonass_record(ephemeris, leap_seconds) else {
-            converted.skips.add("GLONASS ephemeris off the quarter of an hour, not written", || {
+            converted.skips.add(Reason::GlonassEphemerisOffQuarterHour, || {
                 format!("{} at {}", ephemeris.satellite, ephemeris.toe)
             });
             continue;

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use cofix_common::formats::decode::Record;
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 
 /// A recording against those before it.
@@ -21,15 +22,15 @@ impl Overlap {
     }
 
     /// Why a record is left out, if it is. An event goes with the epoch before it.
-    pub(super) fn leaves_out(&mut self, record: &Record) -> Option<&'static str> {
+    pub(super) fn leaves_out(&mut self, record: &Record) -> Option<Reason> {
         let before = self.before?;
         match record {
             Record::Epoch(epoch) => {
                 self.is_inside = epoch.time_gps <= before;
-                self.is_inside.then_some("epoch not later than the files before reach, left out")
+                self.is_inside.then_some(Reason::EpochOfFilesBefore)
             }
             Record::Event(event) => (self.is_inside || event.time_gps.is_some_and(|time| time <= before))
-                .then_some("event not later than the files before reach, left out"),
+                .then_some(Reason::EventOfFilesBefore),
             Record::Ephemeris(_) | Record::Glonass(_) => None,
         }
     }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 use cofix_common::formats::decode::Record;
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
 use super::Arrived;
@@ -18,9 +18,6 @@ use crate::source_error::once_named;
 
 /// Records that wait for the rover's next epoch at most; epochs at 1 Hz for a quarter of an hour.
 const MOST_WAITING: usize = 1_000;
-
-/// What is said of a source that has sent nothing.
-pub(super) const NOTHING: &str = "source brought neither an ephemeris nor an epoch of a base";
 
 /// What has come and was not fetched yet. Neither side ever waits for the other.
 #[derive(Debug, Default)]
@@ -49,9 +46,9 @@ impl Inbox {
         if content.waiting.len() >= MOST_WAITING {
             let oldest = content.waiting.iter().position(is_epoch).unwrap_or(0);
             content.waiting.remove(oldest);
-            content.skips.add("arrived while the rover was silent, oldest dropped", || {
-                format!("more than {MOST_WAITING} records")
-            });
+            content
+                .skips
+                .add(Reason::OldestCorrectionDropped, || format!("more than {MOST_WAITING} records"));
         }
         content.waiting.push_back(arrived);
     }
@@ -77,7 +74,7 @@ impl Inbox {
         let content = self.content();
         let mut skips = content.skips.clone();
         if !content.has_brought {
-            skips.add(NOTHING, || name.to_owned());
+            skips.add(Reason::SourceBroughtNothing, || name.to_owned());
         }
         skips
     }
@@ -101,7 +98,7 @@ pub(super) fn start(
         if let Err(error) = pump(&source, &rover, &inbox, &stop, near, &mut skips) {
             let said = once_named(&source.to_string(), &error);
             tracing::error!("no corrections: {said}");
-            skips.add("source failed", || said);
+            skips.add(Reason::SourceFailed, || said);
         }
         inbox.end(&skips);
     })
@@ -146,16 +143,16 @@ mod tests {
     fn a_full_inbox_keeps_the_newest() {
         let inbox = Inbox::default();
         assert!(!inbox.has_begun());
-        assert_eq!(inbox.skips("x").count(NOTHING), 1);
+        assert_eq!(inbox.skips("x").count(Reason::SourceBroughtNothing), 1);
         let silent = Inbox::default();
         silent.end(&Skips::default());
         assert!(silent.has_begun(), "nobody waits for it any more");
-        assert_eq!(silent.skips("x").count(NOTHING), 1, "its end is no epoch");
+        assert_eq!(silent.skips("x").count(Reason::SourceBroughtNothing), 1, "its end is no epoch");
         for second in 0..MOST_WAITING + 3 {
             inbox.put(epoch(second as f64));
         }
         assert!(inbox.has_begun());
-        assert_eq!(inbox.skips("x").count("arrived while the rover was silent, oldest dropped"), 3);
+        assert_eq!(inbox.skips("x").count(Reason::OldestCorrectionDropped), 3);
         let taken = inbox.take();
         assert_eq!(taken.len(), MOST_WAITING);
         let Some(Arrived { record: Record::Epoch(first), .. }) = taken.front() else { panic!("an epoch") };

@@ -21,7 +21,7 @@ use cofix_common::formats::decode::Record;
 use cofix_common::frames::{Ecef, Geodetic};
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::measurement::DifferentialOptions;
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
 use self::inbox::Inbox;
@@ -175,10 +175,7 @@ impl Feed {
                         }
                         news.bases.push((base, epoch, position));
                     }
-                    None => self.skips.add(
-                        "base epoch without a position of the base, not used: --base-position gives one",
-                        || epoch.time_gps.to_string(),
-                    ),
+                    None => self.skips.add(Reason::BaseWithoutPosition, || epoch.time_gps.to_string()),
                 }
             }
         }
@@ -198,7 +195,7 @@ impl Feed {
                         std::thread::sleep(LOOK / 10);
                     }
                     let skips = live.inbox.skips(&live.name);
-                    if skips.count(inbox::NOTHING) > 0 {
+                    if skips.count(Reason::SourceBroughtNothing) > 0 {
                         tracing::warn!("no corrections: {} has sent nothing that is used", live.name);
                     }
                     self.skips.merge(&skips.with_prefix("corrections: "));

@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use crate::formats::text::content;
 use crate::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
 /// A reference trajectory in order of time.
@@ -167,8 +167,8 @@ impl Truth {
             seen += 1;
             match row.map(TableRow::to_truth) {
                 Ok(Some(row)) => rows.push(row),
-                Ok(None) => skips.add("truth row out of range", || format!("row {seen}")),
-                Err(error) => skips.add("truth row unreadable", || format!("row {seen}: {error}")),
+                Ok(None) => skips.add(Reason::TruthRowOutOfRange, || format!("row {seen}")),
+                Err(error) => skips.add(Reason::TruthRowUnreadable, || format!("row {seen}: {error}")),
             }
         }
         let truth = Self::from_rows(rows, &mut skips);
@@ -190,7 +190,7 @@ impl Truth {
             let row = positions.get(index)?;
             let velocity = row.velocity.or_else(|| velocity_of(&positions, index));
             if velocity.is_none() {
-                skips.add("truth row without velocity and neighbour", || row.time_gps.to_string());
+                skips.add(Reason::TruthRowWithoutVelocity, || row.time_gps.to_string());
             }
             let point = TruthPoint { position: row.position, velocity: velocity? };
             Some(TruthRow { time_gps: row.time_gps, point, quality: row.quality })
@@ -215,7 +215,7 @@ impl Truth {
         rows.dedup_by(|next, kept| {
             let duplicate = next.time_gps == kept.time_gps;
             if duplicate {
-                skips.add("truth row duplicated", || format!("{}", next.time_gps));
+                skips.add(Reason::TruthRowDuplicated, || format!("{}", next.time_gps));
             }
             duplicate
         });
@@ -237,7 +237,7 @@ impl Truth {
             let Some(from_positions) = difference else { continue };
             let contradiction_mps = (row.point.velocity.0 - from_positions.0).norm();
             if contradiction_mps > VELOCITY_TOLERANCE_MPS {
-                skips.add("stated velocity contradicts the positions, which are followed", || {
+                skips.add(Reason::VelocityContradictsPositions, || {
                     format!("{} by {contradiction_mps:.1} m/s; are its columns swapped?", row.time_gps)
                 });
                 row.point.velocity = from_positions;
@@ -322,7 +322,10 @@ mod tests {
         .unwrap();
         assert_eq!(truth.times(&[1]).count(), 1);
         assert_eq!(truth.times(&[0, 1]).count(), 2);
-        assert_eq!((skips.count("truth row unreadable"), skips.count("truth row out of range")), (1, 1));
+        assert_eq!(
+            (skips.count(Reason::TruthRowUnreadable), skips.count(Reason::TruthRowOutOfRange)),
+            (1, 1)
+        );
     }
 
     #[test]
@@ -341,7 +344,7 @@ mod tests {
         let row = |i: i32| format!("2118,{i},{},114,20,0,16,0,1", 30.0 + f64::from(i) * 1.4432e-4);
         let rows = (0..5).map(row).collect::<Vec<_>>().join("\n");
         let (truth, skips) = table(&rows).unwrap();
-        assert_eq!(skips.count("stated velocity contradicts the positions, which are followed"), 3);
+        assert_eq!(skips.count(Reason::VelocityContradictsPositions), 3);
         let middle = truth.at(GpsTime::from_week_tow(2118, 2.0), &[1]).unwrap();
         let velocity = LocalFrame::at(middle.position).vector_ecef_to_enu(middle.velocity);
         assert!((velocity.north - 16.0).abs() < 0.01 && velocity.east.abs() < 0.01, "{velocity:?}");

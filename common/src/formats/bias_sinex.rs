@@ -7,7 +7,7 @@ use crate::formats::text::{columns, lines_of_content, shorten, text};
 use crate::formats::time_system::TimeSystem;
 use crate::gnss::{SatelliteId, SignalCode};
 use crate::orbit::{BiasFile, CodeBias};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{Calendar, GpsTime};
 
 /// Biases beyond this are not believed, ns. Real ones stay below a hundred.
@@ -67,17 +67,15 @@ impl BiasFile {
             reader.line(number, line)?;
         }
         if reader.block != Block::Ended {
-            reader.skips.add("Bias-SINEX file without its end mark (%=ENDBIA)", || format!("line {last}"));
+            reader.skips.add(Reason::BiasSinexWithoutEndMark, || format!("line {last}"));
         }
         if reader.biases.is_empty() {
-            let differential = reader.skips.count(DIFFERENTIAL);
+            let differential = reader.skips.count(Reason::DifferentialBias);
             return Err(BiasFileError::Empty { lines: last, differential });
         }
         Ok(Self { biases: reader.biases, skips: reader.skips })
     }
 }
-
-const DIFFERENTIAL: &str = "differential bias (DSB), not used";
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Block {
@@ -133,21 +131,21 @@ impl Reader {
     fn solution(&mut self, number: u64, line: &[u8]) {
         match columns(line, 1, 5).trim_ascii() {
             b"OSB" => {}
-            b"DSB" => return self.skips.add(DIFFERENTIAL, || Self::place(number, line)),
+            b"DSB" => return self.skips.add(Reason::DifferentialBias, || Self::place(number, line)),
             _ => {
-                return self.skips.add("bias that is neither OSB nor DSB", || Self::place(number, line));
+                return self.skips.add(Reason::BiasOfUnknownKind, || Self::place(number, line));
             }
         }
         let is_phase = columns(line, 25, 26) == b"L";
         let is_of_station = !columns(line, 15, 24).trim_ascii().is_empty();
         if is_phase || is_of_station {
-            let reason = if is_phase { "phase bias, not used" } else { "bias of a station, not used" };
+            let reason = if is_phase { Reason::PhaseBias } else { Reason::StationBias };
             return self.skips.add(reason, || Self::place(number, line));
         }
         match self.code_bias(line) {
-            None => self.skips.add("bias record cannot be read", || Self::place(number, line)),
+            None => self.skips.add(Reason::BiasRecordUnreadable, || Self::place(number, line)),
             Some(bias) if bias.bias_s.abs() > MAX_BIAS_NS * 1e-9 => {
-                self.skips.add("bias that is impossibly large", || {
+                self.skips.add(Reason::BiasImpossiblyLarge, || {
                     format!(
                         "line {number}: {} {}: {} ns; the limit is {MAX_BIAS_NS} ns",
                         bias.satellite,
@@ -156,13 +154,12 @@ impl Reader {
                     )
                 });
             }
-            Some(CodeBias { satellite, signal, .. }) if satellite.cannot_send(signal).is_some() => {
-                let reason = satellite.cannot_send(signal).unwrap_or_default();
-                self.skips.add(reason, || Self::place(number, line));
-            }
             Some(bias) => {
+                if let Some(reason) = bias.satellite.cannot_send(bias.signal) {
+                    return self.skips.add(reason, || Self::place(number, line));
+                }
                 if real(columns(line, 104, 125)).is_some_and(|slope| slope != 0.0) {
-                    self.skips.add("slope of a bias, taken as zero", || Self::place(number, line));
+                    self.skips.add(Reason::BiasSlope, || Self::place(number, line));
                 }
                 self.biases.push(bias);
             }
@@ -213,7 +210,6 @@ impl Reader {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gnss::{NO_SUCH_SIGNAL, NOT_OF_ITS_GENERATION};
 
     const FILE: &str = "\
 %=BIA 1.00 TST 2020:227:30548 IGS 2020:226:00000 2020:227:00000 A 00000006
@@ -249,7 +245,7 @@ TIME_SYSTEM                             G
         assert!((bias_s - 7.4321e-9).abs() < 1e-20);
         assert!((file.biases[1].bias_s - 8.1e-9).abs() < 1e-20);
         assert_eq!(file.biases[2].end, None);
-        for reason in ["phase bias, not used", DIFFERENTIAL, "bias of a station, not used"] {
+        for reason in [Reason::PhaseBias, Reason::DifferentialBias, Reason::StationBias] {
             assert_eq!(file.skips.count(reason), 1, "{reason}: {}", file.skips);
         }
         assert_eq!(file.skips.total(), 3);
@@ -281,10 +277,10 @@ TIME_SYSTEM                             G
     #[test]
     fn biases_of_signals_that_cannot_be_are_counted_and_left_out() {
         for (satellite, code, reason) in [
-            ("G01", "C5C", NO_SUCH_SIGNAL),
-            ("C20", "C1C", NO_SUCH_SIGNAL),
-            ("C20", "C7I", NOT_OF_ITS_GENERATION),
-            ("C10", "C7Z", NOT_OF_ITS_GENERATION),
+            ("G01", "C5C", Reason::SignalNotOfSystem),
+            ("C20", "C1C", Reason::SignalNotOfSystem),
+            ("C20", "C7I", Reason::BeidouSignalOfOtherGeneration),
+            ("C10", "C7Z", Reason::BeidouSignalOfOtherGeneration),
         ] {
             let bad = format!("G063 {satellite}           {code}");
             let file = parse(&FILE.replacen("G063 G01           C1C", &bad, 1)).unwrap();
@@ -321,6 +317,6 @@ TIME_SYSTEM                             G
             assert_eq!(file.skips.total(), 4, "{}", file.skips);
         }
         let cut = FILE.replacen("%=ENDBIA", "", 1);
-        assert_eq!(parse(&cut).unwrap().skips.count("Bias-SINEX file without its end mark (%=ENDBIA)"), 1);
+        assert_eq!(parse(&cut).unwrap().skips.count(Reason::BiasSinexWithoutEndMark), 1);
     }
 }

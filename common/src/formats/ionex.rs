@@ -7,7 +7,7 @@ use crate::atmosphere::{Axis, Ionex, IonosphereMap, Shell};
 use crate::formats::decimal::{integer, real};
 use crate::formats::packing::{DecompressError, decompress};
 use crate::formats::text::{columns, lines_of_content, shorten, text};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::leap_seconds_at;
 use crate::time::{Calendar, GpsTime};
 
@@ -130,7 +130,7 @@ impl Header {
             b"MAPPING FUNCTION" => {
                 let name = columns(line, 2, 6).trim_ascii();
                 if !matches!(name, b"NONE" | b"COSZ" | b"QFAC" | b"") {
-                    self.skips.add("IONEX mapping function is not known, 1/cos z' used", || {
+                    self.skips.add(Reason::IonexMappingFunctionUnknown, || {
                         format!("line {number}: '{}'", text(name))
                     });
                 }
@@ -263,9 +263,7 @@ impl Reader {
         let row = at(0).and_then(|latitude_deg| self.frame.latitudes.index_of_degrees(latitude_deg));
         let row = row.filter(|_| longitudes == Some(self.frame.longitudes));
         if row.is_none() {
-            self.skips.add("IONEX row that is not of the header's grid", || {
-                format!("line {number}: '{}'", shorten(line))
-            });
+            self.skips.add(Reason::IonexRowOffGrid, || format!("line {number}: '{}'", shorten(line)));
         }
         self.in_row = 0;
         self.place = Place::Row(row);
@@ -279,7 +277,7 @@ impl Reader {
             let field = columns(line, 5 * k, 5 * k + 5);
             let value = integer(field);
             if value.is_none() {
-                self.skips.add("IONEX value cannot be read", || {
+                self.skips.add(Reason::IonexValueUnreadable, || {
                     format!("line {number}, value {}: '{}'", k + 1, text(field))
                 });
             }
@@ -289,7 +287,7 @@ impl Reader {
                 if tec_tecu.abs() <= MAX_TEC_TECU {
                     *node = tec_tecu;
                 } else {
-                    self.skips.add("IONEX value that is impossibly large", || {
+                    self.skips.add(Reason::IonexValueImpossiblyLarge, || {
                         format!(
                             "line {number}, value {}: {tec_tecu} TECU; the limit is {MAX_TEC_TECU} TECU",
                             k + 1
@@ -310,13 +308,11 @@ impl Reader {
         self.place = Place::Between;
         if 2 * self.in_map < self.frame.nodes() {
             let (found, nodes) = (self.in_map, self.frame.nodes());
-            self.skips.add("IONEX map with less than half of its values, left out", || {
-                format!("line {number}: {found} of {nodes}")
-            });
+            self.skips.add(Reason::IonexMapHalfEmpty, || format!("line {number}: {found} of {nodes}"));
             return;
         }
         let Some(time) = self.time.take() else {
-            self.skips.add("IONEX map without an epoch that can be read", || format!("line {number}"));
+            self.skips.add(Reason::IonexMapWithoutEpoch, || format!("line {number}"));
             return;
         };
         let tec_tecu = std::mem::take(&mut self.tec_tecu);
@@ -328,7 +324,7 @@ impl Reader {
     fn finish(&mut self, number: u64) {
         if !matches!(self.place, Place::Between | Place::Other) {
             let started = self.started;
-            self.skips.add("IONEX map without END OF TEC MAP", || {
+            self.skips.add(Reason::IonexMapWithoutEnd, || {
                 format!("begun in line {started}, not ended before line {number}")
             });
             self.place = Place::Between;

@@ -1,7 +1,7 @@
 //! Bytes in any portions to lines.
 
 use super::text::trim_end;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 /// Longest line that is kept, bytes. Lines of observation files with dozens of types stay below 2000.
 pub const MAX_LINE_BYTES: usize = 16_384;
@@ -27,7 +27,7 @@ impl<'a> Line<'a> {
     /// The line; one that was too long is counted, and an empty one in its place.
     pub(crate) fn kept(self, skips: &mut Skips) -> &'a [u8] {
         self.text.unwrap_or_else(|| {
-            skips.add("line too long", || {
+            skips.add(Reason::LineTooLong, || {
                 format!("line {}: more than {MAX_LINE_BYTES} bytes; left out", self.number)
             });
             b""

@@ -9,7 +9,7 @@ use crate::formats::text::{columns, lines_of_content, shorten, text};
 use crate::formats::time_system::TimeSystem;
 use crate::gnss::SatelliteId;
 use crate::orbit::{ClockFile, ClockRecord};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{Calendar, GpsTime};
 
 /// Clock offsets beyond this are not believed, s.
@@ -128,12 +128,12 @@ impl Reader {
             return;
         }
         let Some(record) = satellite_clock(line, self.time_system) else {
-            self.skips.add("clock record cannot be read", || format!("line {number}: '{}'", shorten(line)));
+            self.skips.add(Reason::ClockRecordUnreadable, || format!("line {number}: '{}'", shorten(line)));
             return;
         };
         let ClockRecord { satellite, time, clock_s } = record;
         if clock_s.abs() > MAX_OFFSET_S {
-            self.skips.add("clock record with an impossible offset", || {
+            self.skips.add(Reason::ClockRecordImpossibleOffset, || {
                 format!("line {number}: {satellite} {time}: {clock_s} s; the limit is {MAX_OFFSET_S} s")
             });
             return;
@@ -150,7 +150,7 @@ impl Reader {
                     self.suspect = Some((number, record));
                 }
             }
-            Some(last) if time < last => self.skips.add("clock record earlier than the one before", || {
+            Some(last) if time < last => self.skips.add(Reason::ClockRecordEarlier, || {
                 format!("line {number}: {satellite} {time} after {last}")
             }),
             _ => {
@@ -171,7 +171,7 @@ impl Reader {
     /// A date that no other record confirms is damaged: it must not make those after it look late.
     fn drop_suspect(&mut self) {
         if let Some((number, ClockRecord { satellite, time, .. })) = self.suspect.take() {
-            self.skips.add("clock record far from those around it", || {
+            self.skips.add(Reason::ClockRecordFar, || {
                 format!("line {number}: {satellite} {time}; steps are up to {} s", STEP_BOUNDS_S.1)
             });
         }
@@ -291,9 +291,9 @@ AS G02       2010 07 01 00 00  0.000000  2      2.500000000000E-04   1.500000000
             + "AS G02  2010 07 01 00 00  5.000000  1    2.5e-04\nAS G02  2010 07 01 00 05  0.000000  1    2.5e+04\nAS G0\n";
         let file = parse(&damaged).unwrap();
         assert_eq!(file.records.len(), 3);
-        assert_eq!(file.skips.count("clock record cannot be read"), 2, "{}", file.skips);
-        assert_eq!(file.skips.count("clock record earlier than the one before"), 1);
-        assert_eq!(file.skips.count("clock record with an impossible offset"), 1);
+        assert_eq!(file.skips.count(Reason::ClockRecordUnreadable), 2, "{}", file.skips);
+        assert_eq!(file.skips.count(Reason::ClockRecordEarlier), 1);
+        assert_eq!(file.skips.count(Reason::ClockRecordImpossibleOffset), 1);
     }
 
     #[test]
@@ -303,7 +303,7 @@ AS G02       2010 07 01 00 00  0.000000  2      2.500000000000E-04   1.500000000
         assert_eq!(file.records.len(), 3, "{}", file.skips);
         assert_eq!((file.skips.total(), file.interval_s), (1, 30.0));
         let named = file.skips.iter().next().unwrap();
-        assert_eq!(named.0, "clock record far from those around it");
+        assert_eq!(named.0, Reason::ClockRecordFar.text());
         assert!(named.1.first.contains("R05") && named.1.first.contains("2019"), "{}", file.skips);
         // At the very end, too; and a gap of days is none.
         let last = VERSION_3.replacen("AS G02  2010 07 01 00 01", "AS G02  2010 08 01 00 01", 1);

@@ -8,7 +8,7 @@ use crate::formats::time_system::TimeSystem;
 use crate::frames::Ecef;
 use crate::gnss::SatelliteId;
 use crate::orbit::{Sp3, Sp3Position};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{Calendar, GpsTime};
 
 /// Clock value (µs) from which on it means "missing" (999999.999999).
@@ -125,7 +125,8 @@ impl Reader {
             Some(_) if is_blank(line) => {}
             Some(b'E') if line.starts_with(b"EP") || line.starts_with(b"EV") => {}
             Some(_) => {
-                self.skips.add("SP3 line of unknown kind", || format!("line {number}: '{}'", shorten(line)));
+                self.skips
+                    .add(Reason::Sp3LineOfUnknownKind, || format!("line {number}: '{}'", shorten(line)));
             }
         }
         Ok(self.ended)
@@ -149,13 +150,11 @@ impl Reader {
         self.in_epoch = 0;
         self.epoch = None;
         let Some(time) = epoch_time(line).map(|own| self.time_system.unwrap_or_default().to_gps(own)) else {
-            self.skips.add("SP3 epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
+            self.skips.add(Reason::Sp3EpochLineUnreadable, || format!("line {number}: '{}'", shorten(line)));
             return;
         };
         if let Some(last) = self.last_epoch.filter(|last| time <= *last) {
-            self.skips.add("SP3 epoch is not later than the one before", || {
-                format!("line {number}: {time} after {last}")
-            });
+            self.skips.add(Reason::Sp3EpochNotLater, || format!("line {number}: {time} after {last}"));
             return;
         }
         self.epochs += 1;
@@ -167,7 +166,7 @@ impl Reader {
     fn position(&mut self, number: u64, line: &[u8]) {
         self.in_epoch += 1;
         let Some(time) = self.epoch else {
-            self.skips.add("SP3 position without epoch", || format!("line {number}: '{}'", shorten(line)));
+            self.skips.add(Reason::Sp3PositionWithoutEpoch, || format!("line {number}: '{}'", shorten(line)));
             return;
         };
         let satellite = columns(line, 1, 4).first_chunk().and_then(|id| satellite(*id));
@@ -176,25 +175,25 @@ impl Reader {
             if field.len() == 14 { real(field) } else { None }
         };
         let (Some(satellite), Some(x), Some(y), Some(z)) = (satellite, at(0), at(1), at(2)) else {
-            self.skips.add("SP3 position cannot be read", || format!("line {number}: '{}'", shorten(line)));
+            self.skips.add(Reason::Sp3PositionUnreadable, || format!("line {number}: '{}'", shorten(line)));
             return;
         };
         let position = Ecef::new(x * 1e3, y * 1e3, z * 1e3);
         let radius = position.0.norm();
         if radius == 0.0 {
-            self.skips.add("SP3 position marked as missing", || format!("line {number}: {satellite} {time}"));
+            self.skips.add(Reason::Sp3PositionMissing, || format!("line {number}: {satellite} {time}"));
             return;
         }
         let (low, high) = RADIUS_BOUNDS_M;
         if !(low..=high).contains(&radius) {
-            self.skips.add("SP3 position at an impossible distance", || {
+            self.skips.add(Reason::Sp3PositionImpossible, || {
                 format!("line {number}: {satellite} {time}: {radius} m from the Earth's centre")
             });
             return;
         }
         let clock_s = at(3).filter(|us| us.abs() < MISSING_CLOCK_US).map(|us| us * 1e-6);
         if clock_s.is_none() {
-            self.skips.add("SP3 clock missing", || format!("line {number}: {satellite} {time}"));
+            self.skips.add(Reason::Sp3ClockMissing, || format!("line {number}: {satellite} {time}"));
         }
         self.positions.push(Sp3Position { satellite, time, position, clock_s });
     }
@@ -205,7 +204,7 @@ impl Reader {
         self.steps_s.sort_by(f64::total_cmp);
         let found_s = self.steps_s.get(self.steps_s.len() / 2).copied().unwrap_or(stated_s);
         if found_s != stated_s {
-            self.skips.add("SP3 header interval", || {
+            self.skips.add(Reason::Sp3HeaderInterval, || {
                 format!("line 2: {stated_s} s, but epochs are {found_s} s apart; {found_s} s used")
             });
         }
@@ -216,7 +215,7 @@ impl Reader {
     fn finish(&mut self, last_line: u64) {
         if !self.ended && self.in_epoch < self.in_previous {
             let (epoch, got, before) = (self.last_epoch, self.in_epoch, self.in_previous);
-            self.skips.add("SP3 file is cut off in its last epoch", || {
+            self.skips.add(Reason::Sp3FileCutOff, || {
                 format!("line {last_line}: {epoch:?} has {got} satellites, the epoch before has {before}")
             });
         }

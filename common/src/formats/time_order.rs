@@ -6,7 +6,7 @@
 
 use crate::formats::decode::Record;
 use crate::gnss::ObservationEpoch;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
 /// A longer step forward waits for the next epoch, s.
@@ -51,12 +51,12 @@ impl TimeOrder {
     }
 
     /// Why a time cannot be that of a new epoch, and against which time.
-    pub(crate) fn refuses(&self, time: GpsTime) -> Option<(&'static str, GpsTime)> {
+    pub(crate) fn refuses(&self, time: GpsTime) -> Option<(Reason, GpsTime)> {
         let held = self.held.as_ref().map(|held| held.time);
         if let Some(same) = self.last.into_iter().chain(held).find(|known| *known == time) {
-            return Some(("epoch repeats the time of the one before", same));
+            return Some((Reason::EpochRepeatsTime, same));
         }
-        self.last.filter(|last| time < *last).map(|last| ("epoch steps back in time", last))
+        self.last.filter(|last| time < *last).map(|last| (Reason::EpochStepsBack, last))
     }
 
     /// Whether a time goes on from the last one without a long step; before the first epoch, whether it is near the `stated` one.
@@ -110,14 +110,14 @@ impl TimeOrder {
         let Some(reference) = reference else {
             return held.records.into_iter().for_each(out);
         };
-        skips.add("last epoch more than a day from the one before, left out", || {
+        skips.add(Reason::LastEpochFar, || {
             format!("{} {}: {} after {reference}", self.unit, held.number, held.time)
         });
         others(held).for_each(out);
     }
 
     fn drop(&self, held: Held, next: GpsTime, skips: &mut Skips, out: Out<'_>) {
-        skips.add("epoch far from the one after it, left out", || {
+        skips.add(Reason::EpochFarFromNext, || {
             format!("{} {}: {}, then {next}", self.unit, held.number, held.time)
         });
         others(held).for_each(out);

@@ -45,7 +45,7 @@ mod track;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
@@ -59,9 +59,7 @@ const MAXIMUM_WAITING: usize = 20_000;
 pub const UNPACED: f64 = 100.0;
 
 /// Why the aligner drops epochs that an agent published and nobody else gave.
-pub const LOSSES: [&str; 3] = [track::TOO_LATE, track::WENT_BACK, TOO_MANY];
-const TOO_MANY: &str = "too many epochs wait for the other phones";
-
+pub const LOSSES: [Reason; 3] = [Reason::EpochTooLate, Reason::EpochWentBack, Reason::TooManyEpochsWait];
 /// Epochs of one bucket, by phone; `None` where a phone has none.
 pub type Bucket = Vec<Option<EpochMessage>>;
 
@@ -153,7 +151,7 @@ impl Aligner {
         let vouched = live && is_new && self.others_vouch_for(phone, message.time_gps);
         let Some(track) = self.tracks.get_mut(phone) else { return };
         if live && track.queue.len() >= MAXIMUM_WAITING {
-            track.skips.add(TOO_MANY, || {
+            track.skips.add(Reason::TooManyEpochsWait, || {
                 format!("sequence {} at {}; {MAXIMUM_WAITING} wait", message.sequence, message.time_gps)
             });
             return;
@@ -231,16 +229,16 @@ impl Aligner {
 
     /// Queues a message, unless it is too early.
     fn accept(&mut self, phone: usize, waiting: Waiting) {
-        self.accept_or(phone, waiting, track::TOO_LATE);
+        self.accept_or(phone, waiting, Reason::EpochTooLate);
     }
 
     /// The same with the first message of a phone, which nobody could wait for.
     fn join(&mut self, phone: usize, first: Waiting) {
         let is_near = self.live && self.is_near(first.message.time_gps);
-        self.accept_or(phone, first, if is_near { track::FIRST } else { track::TOO_LATE });
+        self.accept_or(phone, first, if is_near { Reason::FirstEpochOfPhone } else { Reason::EpochTooLate });
     }
 
-    fn accept_or(&mut self, phone: usize, waiting: Waiting, too_late: &'static str) {
+    fn accept_or(&mut self, phone: usize, waiting: Waiting, too_late: Reason) {
         let (options, done_to) = (self.options, self.done_to);
         let (time, now) = (waiting.message.time_gps, waiting.arrived);
         let Some(track) = self.tracks.get_mut(phone) else { return };

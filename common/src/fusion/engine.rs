@@ -2,7 +2,7 @@
 
 use crate::constraint::{Constraint, ConstraintAction, ConstraintOptions, Distance, constrain};
 use crate::filter::{FilterOptions, JointFilter, PhoneState, Start};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
@@ -148,8 +148,7 @@ impl Engine {
         if !self.filter.is_empty() && message.time_gps < self.filter.time_gps() {
             let (name, time) = (&message.phone, message.time_gps);
             let late_s = self.filter.time_gps() - time;
-            self.skips
-                .add("epoch before the filter's time", || format!("{name} at {time}, {late_s:.3} s late"));
+            self.skips.add(Reason::EpochBeforeFilterTime, || format!("{name} at {time}, {late_s:.3} s late"));
             return;
         }
         self.drop_silent(message.time_gps);
@@ -159,7 +158,7 @@ impl Engine {
         match (slot, &message.wls) {
             (_, Some(solution)) if slot.is_none() || lost => {
                 if lost {
-                    self.skips.add("lost phone started anew in the filter", || {
+                    self.skips.add(Reason::LostPhoneRestarted, || {
                         format!(
                             "{} at {}: its pseudoranges contradict the prediction",
                             message.phone, message.time_gps
@@ -189,11 +188,11 @@ impl Engine {
         let describe = || format!("state not sound after {} at {}", message.phone, message.time_gps);
         if let Some(slot) = self.filter.slot(phone) {
             self.filter.remove(slot);
-            self.skips.add("phone taken out of the filter", describe);
+            self.skips.add(Reason::PhoneTakenOutOfFilter, describe);
         }
         if !self.filter.is_sound() {
             self.filter = JointFilter::new(self.options.filter);
-            self.skips.add("joint filter restarted", describe);
+            self.skips.add(Reason::JointFilterRestarted, describe);
         }
     }
 
@@ -201,9 +200,8 @@ impl Engine {
     fn drop_silent(&mut self, time_gps: GpsTime) {
         for (phone, silence_s) in self.filter.drop_silent(time_gps) {
             let name = self.phones.get(phone).map_or("?", String::as_str);
-            self.skips.add("silent phone dropped from the filter", || {
-                format!("{name} at {time_gps} after {silence_s:.1} s")
-            });
+            self.skips
+                .add(Reason::SilentPhoneDropped, || format!("{name} at {time_gps} after {silence_s:.1} s"));
         }
     }
 

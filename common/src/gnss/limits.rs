@@ -9,7 +9,5 @@ pub(crate) const MAX_PHASE_CYCLES: f64 = 9e9;
 /// Largest Doppler that is believed, Hz. An oscillator that is off by 10⁻⁴ makes 158 kHz on L1, the same for all satellites (a
 /// station with 3.5·10⁻⁵ is on record); satellite and receiver add some 10 kHz.
 pub const MAX_DOPPLER_HZ: f64 = 2e5;
-/// Reason to count a larger one under.
-pub(crate) const DOPPLER_TOO_LARGE: &str = "Doppler beyond 200 kHz";
 /// Carrier-to-noise densities that are believed, dB-Hz.
 pub const CN0_BOUNDS_DBHZ: RangeInclusive<f64> = 0.0..=70.0;

@@ -14,10 +14,6 @@ pub struct Misnamed {
 }
 
 impl Misnamed {
-    /// Why observations are left out by [`Misnamed::leave_out`].
-    pub const REASON: &'static str =
-        "BeiDou signal at 1207.14 MHz, which the epoch names of the other satellite generation too, not used";
-
     /// Notes a signal of an epoch.
     pub fn note(&mut self, satellite: SatelliteId, signal: SignalCode) {
         if satellite.is_beidou_3() && signal.band == b'7' && satellite.cannot_send(signal).is_some() {

@@ -10,9 +10,8 @@ mod signal_table;
 
 pub use constellation::{Constellation, SatelliteId, SatelliteIdError};
 pub use event::{CycleSlip, Event, EventKind};
+pub(crate) use limits::MAX_PHASE_CYCLES;
 pub use limits::{CN0_BOUNDS_DBHZ, MAX_DOPPLER_HZ, PSEUDORANGE_BOUNDS_M};
-pub(crate) use limits::{DOPPLER_TOO_LARGE, MAX_PHASE_CYCLES};
 pub use misnamed::Misnamed;
 pub use observation::{EpochFlag, LossOfLock, Observation, ObservationEpoch};
 pub use signal::{ClockGroup, SignalCode};
-pub use signal_table::{NO_SUCH_SIGNAL, NOT_OF_ITS_GENERATION};

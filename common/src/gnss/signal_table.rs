@@ -4,6 +4,7 @@
 //! challenge tables, RTCM 3 and the messages between agent and hub.
 
 use super::{Constellation, SatelliteId, SignalCode};
+use crate::skips::Reason;
 
 /// An attribute that says nothing: the receiver's tracking is not known (RINEX 3.05, 5.2.17).
 const UNKNOWN_TRACKING: u8 = b' ';
@@ -11,12 +12,6 @@ const UNKNOWN_TRACKING: u8 = b' ';
 const CODELESS: u8 = b'N';
 /// BeiDou-2 has the numbers up to here, BeiDou-3 those above.
 const LAST_BEIDOU_2: u8 = 18;
-
-/// Why a code is not used: no signal of the system has it.
-pub const NO_SUCH_SIGNAL: &str = "observation code that its system does not have, not used";
-/// Why a code is not used: satellites of another generation send the signal.
-pub const NOT_OF_ITS_GENERATION: &str =
-    "BeiDou signal at 1207.14 MHz of the other satellite generation, not used";
 
 /// Attributes of a band, and the RINEX version (times 100) that brought them.
 struct Row {
@@ -145,13 +140,14 @@ impl SatelliteId {
     /// Of BeiDou's two generations only what both send at 1207.14 MHz is told apart, for there the group delays differ: B2I of
     /// BeiDou-2 and B2b of BeiDou-3 (BDS-SIS-ICD-B1I, 5.2.4.10; BDS-SIS-ICD-B2b, 4.1). Elsewhere the code alone says which signal
     /// it is.
-    pub fn cannot_send(self, signal: SignalCode) -> Option<&'static str> {
+    pub fn cannot_send(self, signal: SignalCode) -> Option<Reason> {
         if !signal.exists(self.constellation) {
-            return Some(NO_SUCH_SIGNAL);
+            return Some(Reason::SignalNotOfSystem);
         }
         let of_others = if self.is_beidou_3() { BEIDOU_2_ON_BAND_7 } else { BEIDOU_3_ON_BAND_7 };
         let is_on_band_7 = self.constellation == Constellation::Beidou && signal.band == b'7';
-        (is_on_band_7 && of_others.contains(&signal.attribute)).then_some(NOT_OF_ITS_GENERATION)
+        (is_on_band_7 && of_others.contains(&signal.attribute))
+            .then_some(Reason::BeidouSignalOfOtherGeneration)
     }
 
     /// Whether it is a satellite of BeiDou's third generation, by its number.
@@ -230,16 +226,16 @@ mod tests {
             satellite.parse::<SatelliteId>().unwrap().cannot_send(SignalCode::new(code[0], code[1]))
         };
         for (code, of_2, of_3) in [
-            (b"7I", None, Some(NOT_OF_ITS_GENERATION)),
-            (b"7Q", None, Some(NOT_OF_ITS_GENERATION)),
-            (b"7X", None, Some(NOT_OF_ITS_GENERATION)),
-            (b"7D", Some(NOT_OF_ITS_GENERATION), None),
-            (b"7P", Some(NOT_OF_ITS_GENERATION), None),
-            (b"7Z", Some(NOT_OF_ITS_GENERATION), None),
+            (b"7I", None, Some(Reason::BeidouSignalOfOtherGeneration)),
+            (b"7Q", None, Some(Reason::BeidouSignalOfOtherGeneration)),
+            (b"7X", None, Some(Reason::BeidouSignalOfOtherGeneration)),
+            (b"7D", Some(Reason::BeidouSignalOfOtherGeneration), None),
+            (b"7P", Some(Reason::BeidouSignalOfOtherGeneration), None),
+            (b"7Z", Some(Reason::BeidouSignalOfOtherGeneration), None),
             (b"7 ", None, None),
             (b"2I", None, None),
             (b"5P", None, None),
-            (b"1C", Some(NO_SUCH_SIGNAL), Some(NO_SUCH_SIGNAL)),
+            (b"1C", Some(Reason::SignalNotOfSystem), Some(Reason::SignalNotOfSystem)),
         ] {
             assert_eq!((why("C18", code), why("C19", code)), (of_2, of_3), "{}", code.escape_ascii());
             assert_eq!((why("C01", code), why("C62", code)), (of_2, of_3), "{}", code.escape_ascii());

@@ -7,6 +7,7 @@ use super::{Corrector, PreparedObservation};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Ecef, LocalFrame};
 use crate::gnss::{Constellation, EpochFlag, Observation, ObservationEpoch, SatelliteId};
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// Slots that satellites have (GLONASS ICD: 24, and room for three more).
@@ -39,9 +40,8 @@ impl Corrector {
         let clock_m = median_clock_m(known, position);
         for ChannelObservation { channel, observation } in observations {
             let Some(clock_m) = clock_m else {
-                self.skips.add("GLONASS satellite by channel without others to tell its slot", || {
-                    format!("channel {channel} at {time_gps}")
-                });
+                self.skips
+                    .add(Reason::GlonassSlotWithoutOthers, || format!("channel {channel} at {time_gps}"));
                 continue;
             };
             let mut fitting = SLOTS
@@ -58,14 +58,12 @@ impl Corrector {
                     || identified.observations.iter().any(same)
             };
             if let Some(satellite) = found.filter(|satellite| !is_known(*satellite)) {
-                self.skips.add("GLONASS satellite by channel, slot found by its orbit, used", || {
+                self.skips.add(Reason::GlonassSlotFound, || {
                     format!("channel {channel} at {time_gps}: {satellite}")
                 });
                 identified.observations.push(Observation { satellite, ..*observation });
             } else {
-                self.skips.add("GLONASS satellite by channel that no single orbit explains", || {
-                    format!("channel {channel} at {time_gps}")
-                });
+                self.skips.add(Reason::GlonassSlotUnexplained, || format!("channel {channel} at {time_gps}"));
             }
         }
         identified

@@ -12,7 +12,7 @@ use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
 use crate::gnss::{Constellation, Observation, ObservationEpoch};
 use crate::orbit::{LineOfSight, OrbitError, Products, SatelliteState};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
 /// Masks and models of the corrections.
@@ -139,7 +139,7 @@ impl Corrector {
                 continue;
             }
             let Some(pseudorange_m) = observation.pseudorange_m else {
-                self.skips.add("no pseudorange", || {
+                self.skips.add(Reason::NoPseudorange, || {
                     format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
                 });
                 continue;
@@ -180,10 +180,10 @@ impl Corrector {
         // A satellite that its message calls unhealthy stays out, whatever the recording states.
         let stated = stated.filter(|_| !matches!(error, OrbitError::Unhealthy { .. }));
         let Some((stated, given)) = stated.and_then(|stated| Some((stated, stated.given?))) else {
-            self.skips.add("no satellite state", || error.to_string());
+            self.skips.add(Reason::NoSatelliteState, || error.to_string());
             return None;
         };
-        self.skips.add("satellite state of the recording used, no product has one", || {
+        self.skips.add(Reason::RecordedSatelliteStateUsed, || {
             format!("{} at {time_gps}", stated.observation.satellite)
         });
         self.prepare_given(&stated.observation, stated.frequency_hz, time_gps, &given)
@@ -204,7 +204,7 @@ impl Corrector {
     /// Whether an observation is excluded by name; counts it.
     pub(super) fn is_excluded(&mut self, observation: &Observation, time_gps: GpsTime) -> bool {
         let Some(exclusion) = self.exclusions.first(observation) else { return false };
-        self.skips.add(&format!("excluded by the mask {exclusion}"), || {
+        self.skips.add_about(Reason::ExcludedByMask, exclusion, || {
             format!("{} {} at {time_gps}", observation.satellite, observation.signal)
         });
         true
@@ -214,7 +214,7 @@ impl Corrector {
     pub(super) fn is_weak(&mut self, observation: &Observation, time_gps: GpsTime) -> bool {
         let weak = observation.cn0_dbhz.is_some_and(|cn0| cn0 < self.options.minimum_cn0_dbhz);
         if weak {
-            self.skips.add("C/N0 below the mask", || {
+            self.skips.add(Reason::Cn0BelowMask, || {
                 format!("{} {} at {time_gps}", observation.satellite, observation.signal)
             });
         }
@@ -222,7 +222,7 @@ impl Corrector {
     }
 
     pub(super) fn no_carrier_frequency(&mut self, observation: &Observation, time_gps: GpsTime) {
-        self.skips.add("no carrier frequency", || {
+        self.skips.add(Reason::NoCarrierFrequency, || {
             format!("{} {} at {time_gps}", observation.satellite, observation.signal)
         });
     }
@@ -273,7 +273,7 @@ impl Corrector {
         );
         let unknown_m = self.options.unknown_group_delay_sigma_m;
         if group_delay_m.is_none() {
-            self.skips.add("group delay unknown, used with a larger sigma", || {
+            self.skips.add(Reason::GroupDelayUnknown, || {
                 format!("{} {}", observation.satellite, observation.signal)
             });
         }
@@ -314,7 +314,7 @@ impl Corrector {
                 None => self.options.elevation_mask_rad,
             };
             if seen.direction.elevation_rad < mask_rad {
-                masked.add("elevation below the mask", || {
+                masked.add(Reason::ElevationBelowMask, || {
                     format!("{} at {time_gps}", observation.observation.satellite)
                 });
                 continue;

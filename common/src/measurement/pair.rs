@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{GivenCorrections, PreparedObservation};
 use crate::gnss::{Constellation, SignalCode};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 /// Pairs that multiply the noise by more than this are not formed (L2 and L5: 16.6).
 const MOST_NOISE: f64 = 5.0;
@@ -94,7 +94,7 @@ impl Ionosphere {
             match (best_pair(signals), self) {
                 (Some(pair), _) => combined.extend(is_first.then_some(pair)),
                 (None, Self::PairOnly) => {
-                    skips.add("no second band for an ionosphere-free pair", || {
+                    skips.add(Reason::NoSecondBandForPair, || {
                         format!("{satellite} {}", one.observation.signal)
                     });
                 }

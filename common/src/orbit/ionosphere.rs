@@ -7,7 +7,7 @@ use crate::atmosphere::{
     B1I_HZ, Ionex, NoTec, beidou_klobuchar_delay_b1i_m, klobuchar_delay_l1_m, scale_delay, scale_from_l1,
 };
 use crate::frames::{Direction, Geodetic};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
 /// A user's view of a satellite on one frequency.
@@ -75,16 +75,14 @@ impl Products {
 }
 
 /// What is to be counted where maps, if there are any, give nothing.
-const fn fallback_reason(maps: Option<NoTec>, has_model: bool) -> Option<&'static str> {
+const fn fallback_reason(maps: Option<NoTec>, has_model: bool) -> Option<Reason> {
     Some(match (maps, has_model) {
         (None, true) => return None,
-        (None, false) => "no ionosphere model in any product, ionosphere not corrected",
-        (Some(NoTec::NotCovered), true) => "instant outside the ionosphere maps, Klobuchar used",
-        (Some(NoTec::NotCovered), false) => "instant outside the ionosphere maps, ionosphere not corrected",
-        (Some(NoTec::Missing), true) => "ionosphere map without a value at the pierce point, Klobuchar used",
-        (Some(NoTec::Missing), false) => {
-            "ionosphere map without a value at the pierce point, ionosphere not corrected"
-        }
+        (None, false) => Reason::NoIonosphereModel,
+        (Some(NoTec::NotCovered), true) => Reason::OutsideIonosphereMapsKlobucharUsed,
+        (Some(NoTec::NotCovered), false) => Reason::OutsideIonosphereMaps,
+        (Some(NoTec::Missing), true) => Reason::IonosphereMapEmptyKlobucharUsed,
+        (Some(NoTec::Missing), false) => Reason::IonosphereMapEmpty,
     })
 }
 
@@ -145,7 +143,7 @@ mod tests {
             let mut skips = Skips::default();
             let inside = sight(30.0, "2020-08-13T01:00:00");
             assert!((products.ionosphere_delay_m(&inside, &mut skips) - fallback_m).abs() < 1e-9);
-            let nothing = skips.count("no ionosphere model in any product, ionosphere not corrected");
+            let nothing = skips.count(Reason::NoIonosphereModel);
             assert_eq!(
                 (skips.total(), nothing),
                 (u64::from(fallback_m == 0.0), u64::from(fallback_m == 0.0))
@@ -159,7 +157,7 @@ mod tests {
             let north = sight(70.0, "2020-08-13T01:00:00");
             assert!((products.ionosphere_delay_m(&north, &mut skips) - fallback_m).abs() < 1e-9);
             assert_eq!(skips.total(), 2);
-            assert_eq!(skips.count(&format!("instant outside the ionosphere maps, {word}")), 1, "{skips}");
+            assert_eq!(skips.count(format!("instant outside the ionosphere maps, {word}")), 1, "{skips}");
             let missing = format!("ionosphere map without a value at the pierce point, {word}");
             assert_eq!(skips.count(&missing), 1, "{skips}");
         }

@@ -14,7 +14,7 @@ use crate::filter::PhoneState;
 use crate::frames::Ecef;
 use crate::gnss::{CN0_BOUNDS_DBHZ, PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode};
 use crate::measurement::CorrectedObservation;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::solve::{PointSolution, VelocitySolution};
 use crate::time::GpsTime;
 
@@ -104,7 +104,7 @@ pub enum InvalidMessage {
         /// The message's time.
         time_gps: GpsTime,
         /// Why not.
-        reason: &'static str,
+        reason: Reason,
     },
     /// A satellite's signal for the second time.
     #[error("{satellite} {signal} at {time_gps}: second observation of the same signal")]
@@ -171,7 +171,7 @@ impl EpochMessage {
     pub fn sanitise(mut self, phone: &str, skips: &mut Skips) -> Option<Self> {
         let frame = self.check_frame().and_then(|()| self.check_phone(phone));
         if let Err(error) = frame {
-            skips.add("message refused", || error.to_string());
+            skips.add(Reason::MessageRefused, || error.to_string());
             return None;
         }
         let mut seen = BTreeSet::new();
@@ -180,13 +180,13 @@ impl EpochMessage {
         for observation in candidates {
             match self.check_one(&observation, &mut seen) {
                 Ok(()) => kept.push(observation),
-                Err(error) => skips.add("observation in a message", || error.to_string()),
+                Err(error) => skips.add(Reason::ObservationInMessage, || error.to_string()),
             }
         }
         self.observations = kept;
         for part in [Part::Wls, Part::Local, Part::GlobalTest] {
             if let Err(error) = self.check_part(part) {
-                skips.add("part of a message", || error.to_string());
+                skips.add(Reason::PartOfMessage, || error.to_string());
                 self.drop_part(part);
             }
         }

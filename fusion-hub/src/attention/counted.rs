@@ -1,13 +1,13 @@
 //! What was counted on the way and matters. Reasons are those under which agents and hub count.
 
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skip, Skips};
 
 use super::{Finding, Several, Severity, percent, ratio};
 use crate::report::{PhoneReport, Report};
 
 /// Reasons of a phone, as a part of its observations.
 struct Share {
-    reasons: &'static [&'static str],
+    reasons: &'static [Reason],
     /// Whether what was counted is among the phone's observations, or was left out of them.
     left_out: bool,
     /// Least part that is worth a word, and the one that is [`Severity::Wrong`].
@@ -19,7 +19,7 @@ struct Share {
 
 /// Reasons that matter however seldom they are.
 struct Any {
-    reason: &'static str,
+    reason: Reason,
     severity: Severity,
     kind: &'static str,
     advice: &'static str,
@@ -27,11 +27,7 @@ struct Any {
 
 const SHARES: [Share; 5] = [
     Share {
-        reasons: &[
-            "no ionosphere model in any product, ionosphere not corrected",
-            "instant outside the ionosphere maps, ionosphere not corrected",
-            "ionosphere map without a value at the pierce point, ionosphere not corrected",
-        ],
+        reasons: &[Reason::NoIonosphereModel, Reason::OutsideIonosphereMaps, Reason::IonosphereMapEmpty],
         left_out: false,
         limits: (0.0, 0.1),
         kind: "ionosphere-not-corrected",
@@ -39,10 +35,7 @@ const SHARES: [Share; 5] = [
         advice: "Name a navigation file with Klobuchar terms in its header, or an IONEX map of the day, or ionosphere = \"pair\" for phones with two bands",
     },
     Share {
-        reasons: &[
-            "instant outside the ionosphere maps, Klobuchar used",
-            "ionosphere map without a value at the pierce point, Klobuchar used",
-        ],
+        reasons: &[Reason::OutsideIonosphereMapsKlobucharUsed, Reason::IonosphereMapEmptyKlobucharUsed],
         left_out: false,
         limits: (0.0, 2.0),
         kind: "ionosphere-map-elsewhere",
@@ -50,7 +43,7 @@ const SHARES: [Share; 5] = [
         advice: "Name the IONEX files of the day of the recording",
     },
     Share {
-        reasons: &["no satellite state"],
+        reasons: &[Reason::NoSatelliteState],
         left_out: true,
         limits: (0.15, 0.5),
         kind: "no-orbits",
@@ -58,7 +51,7 @@ const SHARES: [Share; 5] = [
         advice: "Orbits of another day, or without these systems: name products of the day of the recording",
     },
     Share {
-        reasons: &["group delay unknown, used with a larger sigma"],
+        reasons: &[Reason::GroupDelayUnknown],
         left_out: false,
         limits: (0.25, 2.0),
         kind: "group-delay-unknown",
@@ -66,7 +59,7 @@ const SHARES: [Share; 5] = [
         advice: "Name a bias file (Bias-SINEX), or a navigation file of the same days",
     },
     Share {
-        reasons: &["no carrier frequency"],
+        reasons: &[Reason::NoCarrierFrequency],
         left_out: true,
         limits: (0.05, 2.0),
         kind: "no-carrier-frequency",
@@ -77,121 +70,121 @@ const SHARES: [Share; 5] = [
 
 const ANY: [Any; 20] = [
     Any {
-        reason: "two agents of one name at a time",
+        reason: Reason::TwoAgentsOfOneName,
         severity: Severity::Wrong,
         kind: "two-agents",
         advice: "Two phones under one name are mixed: give each its own, and end the agent that is too much",
     },
     Any {
-        reason: "joint filter restarted",
+        reason: Reason::JointFilterRestarted,
         severity: Severity::Worse,
         kind: "filter-restarted",
         advice: "Constraints act anew from there; look at that time in the recording",
     },
     Any {
-        reason: "phone taken out of the filter",
+        reason: Reason::PhoneTakenOutOfFilter,
         severity: Severity::Worse,
         kind: "filter-restarted",
         advice: "Its messages made the state unsound; look at that time in the recording",
     },
     Any {
-        reason: "lost phone started anew in the filter",
+        reason: Reason::LostPhoneRestarted,
         severity: Severity::Worse,
         kind: "filter-restarted",
         advice: "Its observations contradicted its state for five epochs: a jump of its clock, a tunnel, or a wrong constraint",
     },
     Any {
-        reason: "local filter restarted",
+        reason: Reason::LocalFilterRestarted,
         severity: Severity::Note,
         kind: "filter-restarted",
         advice: "The phone's own filter began anew after a gap or a contradiction; look at that time in the recording",
     },
     Any {
-        reason: "silent phone dropped from the filter",
+        reason: Reason::SilentPhoneDropped,
         severity: Severity::Note,
         kind: "phone-silent",
         advice: "Constraints with it did not act until it came back",
     },
     Any {
-        reason: "no date was given: the week is that of the file's last change",
+        reason: Reason::NoDateGiven,
         severity: Severity::Worse,
         kind: "date-guessed",
         advice: "A copied file has another date: give date = \"YYYY-MM-DDThh:mm:ss\" for this phone",
     },
     Any {
-        reason: "clock or bias file without SP3 orbits, not used",
+        reason: Reason::ClocksWithoutSp3Orbits,
         severity: Severity::Worse,
         kind: "product-not-used",
         advice: "Name the SP3 orbits that go with it",
     },
     Any {
-        reason: "published epochs did not arrive",
+        reason: Reason::EpochsNotArrived,
         severity: Severity::Worse,
         kind: "epochs-lost",
         advice: "Check the link between agent and hub",
     },
     Any {
-        reason: "too many epochs wait for the other phones",
+        reason: Reason::TooManyEpochsWait,
         severity: Severity::Worse,
         kind: "epochs-lost",
         advice: "The phone is far ahead of the others: check clocks and links of all",
     },
     Any {
-        reason: "epoch before the filter's time",
+        reason: Reason::EpochBeforeFilterTime,
         severity: Severity::Worse,
         kind: "epochs-too-late",
         advice: "They came after their time was fused: a longer --latency waits for them",
     },
     Any {
-        reason: "phone behind the others: not waited for",
+        reason: Reason::PhoneBehind,
         severity: Severity::Worse,
         kind: "epochs-too-late",
         advice: "Check the phone's link and clock; a longer --latency waits for it",
     },
     Any {
-        reason: "phone ahead of the others: held back",
+        reason: Reason::PhoneAhead,
         severity: Severity::Worse,
         kind: "phone-ahead",
         advice: "Check the phone's clock: its epochs are fused only when the group has come so far",
     },
     Any {
-        reason: "epoch far from its neighbours",
+        reason: Reason::EpochFarFromNeighbours,
         severity: Severity::Worse,
         kind: "epochs-lost",
         advice: "Their times are far from those before and after: check the recording's dates",
     },
     Any {
-        reason: "message unreadable",
+        reason: Reason::MessageUnreadable,
         severity: Severity::Worse,
         kind: "messages-refused",
         advice: "Agent and hub are of different versions, or somebody else publishes there",
     },
     Any {
-        reason: "message refused",
+        reason: Reason::MessageRefused,
         severity: Severity::Worse,
         kind: "messages-refused",
         advice: "Values that cannot be true: see the first one in the report",
     },
     Any {
-        reason: "phone unknown to the session",
+        reason: Reason::PhoneUnknown,
         severity: Severity::Worse,
         kind: "unknown-phone",
         advice: "Add it to the session file as [[phone]], or correct the agent's --phone",
     },
     Any {
-        reason: "truth: stated velocity contradicts the positions, which are followed",
+        reason: Reason::VelocityContradictsPositions,
         severity: Severity::Note,
         kind: "truth-velocity",
         advice: "Check the order and the unit of the truth's velocities",
     },
     Any {
-        reason: "group delays more than a week from the observations, used all the same",
+        reason: Reason::GroupDelaysOld,
         severity: Severity::Note,
         kind: "group-delays-old",
         advice: "A navigation file of the same days has newer ones",
     },
     Any {
-        reason: "source brought neither an ephemeris nor an epoch of a base",
+        reason: Reason::SourceBroughtNothing,
         severity: Severity::Worse,
         kind: "no-base",
         advice: "Nothing is corrected by that source: check that it is of the same time and has observations",
@@ -234,10 +227,10 @@ impl Any {
     fn look(&self, report: &Report) -> Option<Finding> {
         let of_phones = report.phones.iter().map(|(name, phone)| (Some(name), &phone.skips));
         let all = of_phones.chain([(None, &report.skips)]);
-        let counted: Vec<(Option<&String>, u64, &str)> =
-            all.filter_map(|(name, skips)| self.count(skips).map(|(n, first)| (name, n, first))).collect();
-        let total: u64 = counted.iter().map(|(_, count, _)| count).sum();
-        let (_, _, first) = counted.first()?;
+        let counted: Vec<(Option<&String>, &Skip)> =
+            all.filter_map(|(name, skips)| Some((name, self.find(skips)?))).collect();
+        let total: u64 = counted.iter().map(|(_, skip)| skip.count).sum();
+        let (_, Skip { first, .. }) = counted.first()?;
         Some(Finding {
             severity: self.severity,
             kind: self.kind,
@@ -247,18 +240,19 @@ impl Any {
         })
     }
 
-    fn count<'a>(&self, skips: &'a Skips) -> Option<(u64, &'a str)> {
-        let is_it = |reason: &str| {
-            reason.strip_suffix(self.reason).is_some_and(|doing| doing.is_empty() || doing.ends_with(": "))
+    /// The count under the reason alone, or behind the stage that counted it.
+    fn find<'a>(&self, skips: &'a Skips) -> Option<&'a Skip> {
+        let is_it = |key: &str| {
+            key.strip_suffix(self.reason.text())
+                .is_some_and(|stage| stage.is_empty() || stage.ends_with(": "))
         };
-        let (_, skip) = skips.iter().find(|(reason, _)| is_it(reason))?;
-        Some((skip.count, skip.first.as_str()))
+        skips.iter().find(|(key, _)| is_it(key)).map(|(_, skip)| skip)
     }
 }
 
-/// All reasons that are looked for, without what the hub puts before them.
+/// All reasons that are looked for.
 #[cfg(test)]
-pub(super) fn reasons() -> impl Iterator<Item = &'static str> {
+pub(super) fn reasons() -> impl Iterator<Item = Reason> {
     let shares = SHARES.iter().flat_map(|share| share.reasons.iter().copied());
-    shares.chain(ANY.iter().map(|any| any.reason.trim_start_matches("truth: ")))
+    shares.chain(ANY.iter().map(|any| any.reason))
 }

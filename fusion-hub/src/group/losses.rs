@@ -1,7 +1,7 @@
 //! What agents published and the hub did not fuse.
 
-use crate::intake::NOT_ARRIVED;
 use cofix_common::fusion::align::LOSSES;
+use cofix_common::skips::Reason;
 
 use super::Group;
 
@@ -11,9 +11,9 @@ impl Group {
         let (mut lost, mut phones) = (0, Vec::new());
         for (phone, name) in self.phones.iter().enumerate() {
             let skips = self.phone_skips(phone);
-            let reasons = LOSSES.into_iter().chain([NOT_ARRIVED]);
+            let reasons = LOSSES.into_iter().chain([Reason::EpochsNotArrived]);
             let counts = reasons.map(|reason| (reason, skips.count(reason))).filter(|(_, count)| *count > 0);
-            let counts: Vec<(&str, u64)> = counts.collect();
+            let counts: Vec<(Reason, u64)> = counts.collect();
             lost += counts.iter().map(|(_, count)| count).sum::<u64>();
             let words: Vec<String> =
                 counts.iter().map(|(reason, count)| format!("{count} × {reason}")).collect();

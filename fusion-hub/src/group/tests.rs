@@ -1,6 +1,7 @@
 use std::sync::mpsc::sync_channel;
 
 use cofix_common::integrity::{RaimReport, Verdict};
+use cofix_common::skips::Reason;
 use cofix_common::wire::{EpochMessage, KeptMessage, PhoneStatus, StatusMessage, encode};
 
 use super::*;
@@ -183,7 +184,7 @@ fn an_agent_restarted_on_an_older_log_holds_up_nobody_and_is_counted() {
     });
     assert_eq!((bench.fused("a"), bench.fused("b")), (60, 20));
     let losses = bench.group.losses().unwrap();
-    assert!(losses.contains("b: ") && losses.contains("epoch too late"), "{losses}");
+    assert!(losses.contains("b: ") && losses.contains(Reason::EpochTooLate.text()), "{losses}");
     assert!(!losses.contains("a: "), "{losses}");
 }
 

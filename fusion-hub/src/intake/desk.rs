@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::wire::{EpochMessage, PhoneStatus};
 
 use super::run::Run;
-use super::{Arrival, Finished, NOT_ARRIVED, Notice};
+use super::{Arrival, Finished, Notice};
 
 /// Most runs remembered for one phone; a phone has one at a time, and one more after each restart. The oldest are forgotten.
 pub(super) const MAXIMUM_RUNS: usize = 64;
@@ -53,9 +53,7 @@ impl Desk {
         let Some(sender) = oldest.map(|(sender, _)| sender.clone()) else { return };
         self.release_all(&sender, "too many agents came after it");
         self.runs.remove(&sender);
-        self.skips.add("run of an agent forgotten: too many", || {
-            format!("{sender}; {MAXIMUM_RUNS} are remembered")
-        });
+        self.skips.add(Reason::RunForgotten, || format!("{sender}; {MAXIMUM_RUNS} are remembered"));
     }
 
     pub(super) fn current_run(&self) -> Option<&Run> {
@@ -96,7 +94,7 @@ impl Desk {
 
     fn count_lost(&mut self, lost: u64, describe: impl Fn() -> String) {
         for _ in 0..lost.min(MAXIMUM_LOST) {
-            self.skips.add(NOT_ARRIVED, &describe);
+            self.skips.add(Reason::EpochsNotArrived, &describe);
         }
     }
 
@@ -111,7 +109,7 @@ impl Desk {
                 let other = other.map(|(other, _)| other.clone());
                 let twice = other.is_some();
                 if let Some(other) = other {
-                    self.skips.add("two agents of one name at a time", || format!("{sender} beside {other}"));
+                    self.skips.add(Reason::TwoAgentsOfOneName, || format!("{sender} beside {other}"));
                 }
                 self.epochs_expected = epochs_expected;
                 self.current = Some(sender);

@@ -1,4 +1,5 @@
 use cofix_common::integrity::{RaimReport, Verdict};
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::{PhoneStatus, encode};
 
@@ -88,7 +89,7 @@ fn a_restarted_agent_is_a_new_run() {
 fn what_cannot_be_used_is_counted_and_named() {
     let mut intake = intake();
     assert!(intake.epoch(&from("x", "c", encode(&epoch("c", 0)).unwrap())).is_none());
-    assert_eq!(intake.skips().count("phone unknown to the session"), 1);
+    assert_eq!(intake.skips().count(Reason::PhoneUnknown), 1);
     assert!(intake.epoch(&from("x", "a", b"hello".to_vec())).is_none());
     assert!(intake.epoch(&from("x", "a", encode(&epoch("b", 0)).unwrap())).is_none());
     intake.epoch(&from("x", "a", encode(&epoch("a", 1)).unwrap()));
@@ -97,11 +98,11 @@ fn what_cannot_be_used_is_counted_and_named() {
     assert!(intake.status(&from("x", "a", vec![])).is_none());
     let skips = intake.phone_skips(0).unwrap();
     for reason in [
-        "message unreadable",
-        "message refused",
-        "message received twice",
-        "status of another phone",
-        "status unreadable",
+        Reason::MessageUnreadable.text(),
+        Reason::MessageRefused.text(),
+        Reason::MessageReceivedTwice.text(),
+        Reason::StatusOfOtherPhone.text(),
+        Reason::StatusUnreadable.text(),
     ] {
         assert_eq!(skips.count(reason), 1, "{reason}");
     }
@@ -124,7 +125,7 @@ fn restarts_without_end_neither_fill_the_memory_nor_lock_the_phone_out() {
     }
     assert_eq!(intake.desks[0].runs.len(), MAXIMUM_RUNS);
     let skips = intake.phone_skips(0).unwrap();
-    assert_eq!(skips.count("run of an agent forgotten: too many"), 1_000 - MAXIMUM_RUNS as u64);
+    assert_eq!(skips.count(Reason::RunForgotten), 1_000 - MAXIMUM_RUNS as u64);
     assert_eq!(skips.total(), 1_000 - MAXIMUM_RUNS as u64, "{skips}");
 }
 
@@ -147,7 +148,7 @@ fn lost_epochs_are_given_up_and_counted() {
     assert!(!intake.is_complete(0));
     assert_eq!(intake.give_up(0), 3);
     assert!(intake.is_complete(0));
-    assert_eq!(intake.phone_skips(0).unwrap().count("published epochs did not arrive"), 3);
+    assert_eq!(intake.phone_skips(0).unwrap().count(Reason::EpochsNotArrived), 3);
     intake.status(&from("y", "a", finished("a", u64::MAX)));
     assert_eq!(intake.give_up(0), u64::MAX, "any number may be claimed");
 }
@@ -158,7 +159,7 @@ fn two_agents_of_one_name_are_noticed_and_both_waited_for() {
     intake.status(&from("x", "a", started("a")));
     let notice = intake.status(&from("y", "a", started("a")));
     assert!(matches!(notice, Some(Notice::Started { twice: true, .. })));
-    assert_eq!(intake.phone_skips(0).unwrap().count("two agents of one name at a time"), 1);
+    assert_eq!(intake.phone_skips(0).unwrap().count(Reason::TwoAgentsOfOneName), 1);
     intake.status(&from("y", "a", finished("a", 0)));
     assert!(!intake.is_complete(0), "the other still runs");
     intake.gone(0);
@@ -212,7 +213,7 @@ fn what_was_asked_for_and_came_by_itself_too_is_no_fault() {
     assert!(intake.phone_skips(0).unwrap().is_empty());
     send(&mut intake, 2);
     send(&mut intake, 2);
-    assert_eq!(intake.phone_skips(0).unwrap().count("message received twice"), 1);
+    assert_eq!(intake.phone_skips(0).unwrap().count(Reason::MessageReceivedTwice), 1);
     assert_eq!(ready(&mut intake), [0, 1, 2]);
 }
 
@@ -246,7 +247,7 @@ fn what_is_given_up_is_counted_and_the_rest_goes_on() {
     assert_eq!(ready(&mut intake), [7]);
     assert_eq!((intake.received(0, "x"), intake.lost(0)), ((2, 6), 6));
     let skips = intake.phone_skips(0).unwrap();
-    assert_eq!(skips.count("published epochs did not arrive"), 6);
+    assert_eq!(skips.count(Reason::EpochsNotArrived), 6);
     assert!(skips.to_string().contains("5 from sequence 0 on: not kept"), "{skips}");
     intake.status(&from("x", "a", finished("a", 8)));
     assert_eq!(intake.shortfall(0), Some(0), "counted already");
@@ -285,7 +286,7 @@ fn senders_without_a_name_are_not_asked() {
         intake.epoch(&Arrival { phone: "a".to_owned(), sender: None, bytes: bytes(sequence) });
     }
     assert_eq!((ready(&mut intake), gap(&intake)), (vec![4, 9], None));
-    assert_eq!(intake.phone_skips(0).unwrap().count("message received twice"), 1);
+    assert_eq!(intake.phone_skips(0).unwrap().count(Reason::MessageReceivedTwice), 1);
 }
 
 #[test]
@@ -300,5 +301,5 @@ fn statuses_that_come_again_are_no_news() {
     assert_eq!(intake.history(&from("x", "a", b"hello".to_vec())), None);
     let other = KeptMessage { phone: "b".to_owned(), first: 0, next: 1 };
     assert_eq!(intake.history(&from("x", "a", encode(&other).unwrap())), None);
-    assert_eq!(intake.phone_skips(0).unwrap().count("history unreadable"), 2);
+    assert_eq!(intake.phone_skips(0).unwrap().count(Reason::HistoryUnreadable), 2);
 }

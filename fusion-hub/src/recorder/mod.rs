@@ -55,7 +55,7 @@ use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Ecef, LocalFrame};
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
 use cofix_common::recording::ACCURACY;
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use rerun::{RecordingInfo, TextDocument, components::MediaType};
 
@@ -183,13 +183,12 @@ impl Recorder {
     /// When the file cannot be written. The recording is then incomplete; the epoch is lost.
     pub fn record(&mut self, epoch: &FusedEpoch, truth: &[Reference]) -> Result<(), RecorderError> {
         let Some(time_ns) = recordable(epoch.time_gps) else {
-            self.skips
-                .add("epoch outside 1980-2233: not recorded", || format!("{} ns", epoch.time_gps.nanos()));
+            self.skips.add(Reason::EpochOutside1980To2233, || format!("{} ns", epoch.time_gps.nanos()));
             return Ok(());
         };
         if epoch.phones.len() != self.phones.len() {
             let (found, expected) = (epoch.phones.len(), self.phones.len());
-            self.skips.add("epoch with another number of phones: recorded as far as they go", || {
+            self.skips.add(Reason::EpochOfOtherNumberOfPhones, || {
                 format!("{}: {found} phones instead of {expected}", epoch.time_gps)
             });
         }
@@ -197,7 +196,7 @@ impl Recorder {
         for (index, (recorder, phone)) in self.phones.iter_mut().zip(&epoch.phones).enumerate() {
             let message_time = phone.message.as_ref().map_or(epoch.time_gps, |m| m.time_gps);
             let Some(message_time_ns) = recordable(message_time) else {
-                self.skips.add("message outside 1980-2233: not recorded", || {
+                self.skips.add(Reason::MessageOutside1980To2233, || {
                     format!("phone {index}: {} ns", message_time.nanos())
                 });
                 continue;

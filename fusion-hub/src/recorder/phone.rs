@@ -2,7 +2,7 @@
 
 use cofix_common::frames::{Ecef, LocalFrame};
 use cofix_common::integrity::{Cause, RaimReport, Verdict};
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
 use nalgebra::Matrix3;
@@ -165,7 +165,7 @@ impl PhoneRecorder {
         let position = position?;
         if !drawable(position) {
             let name = method.name();
-            skips.add("position not finite or beyond 100,000 km: not recorded", || {
+            skips.add(Reason::PositionNotRecorded, || {
                 let [x, y, z]: [f64; 3] = position.0.into();
                 format!("{} {name} at {time_ns} ns: ({x}, {y}, {z}) m", self.name)
             });
@@ -184,7 +184,7 @@ impl PhoneRecorder {
         let sigma = ellipsoid(epoch.frame, &estimate.covariance_m2);
         if sigma.is_none() {
             let (name, time_ns) = (method.name(), epoch.time_ns);
-            skips.add("covariance not finite or not positive: ellipsoid not recorded", || {
+            skips.add(Reason::CovarianceNotRecorded, || {
                 format!(
                     "{} {name} at {time_ns} ns: diagonal {:?} m²",
                     self.name,

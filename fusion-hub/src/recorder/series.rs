@@ -1,15 +1,12 @@
 //! Scalars, states and log lines of one entity over time.
 
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use rerun::{
     Color, EntityPath, Scalars, SeriesLines, SeriesPoints, StateChange, StateConfiguration, TextLog,
 };
 
 use super::rows::{Rows, Segment};
 use super::rrd::{RecorderError, RrdFile};
-
-/// The reason under which values that are not finite are counted.
-const NOT_FINITE: &str = "not a finite number: not recorded";
 
 /// How a series of scalars is drawn.
 #[derive(Clone, Debug)]
@@ -53,7 +50,7 @@ impl Series {
     pub fn push(&mut self, time_ns: i64, value: Option<f64>, skips: &mut Skips) {
         let finite = value.filter(|v| v.is_finite());
         if let (Some(value), None) = (value, finite) {
-            skips.add(NOT_FINITE, || format!("{} at {time_ns} ns: {value}", self.entity));
+            skips.add(Reason::NotFinite, || format!("{} at {time_ns} ns: {value}", self.entity));
         }
         self.rows.push(time_ns, finite);
     }

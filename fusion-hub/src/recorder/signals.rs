@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use cofix_common::gnss::{Constellation, SatelliteId, SignalCode};
 use cofix_common::measurement::{CorrectedObservation, Usage};
 use cofix_common::recording::SATELLITES;
-use cofix_common::skips::Skips;
+use cofix_common::skips::{Reason, Skips};
 use rerun::{Color, StateConfiguration};
 
 use super::entity::phone_path;
@@ -67,7 +67,7 @@ impl Signals {
                 .or_insert_with(|| SignalSeries::new(&self.phone, satellite, signal));
             if series.last_epoch == self.epoch {
                 let describe = || format!("{} {satellite} {signal} at {time_ns} ns", self.phone);
-                skips.add("signal twice in one epoch: second not recorded", describe);
+                skips.add(Reason::SignalTwiceNotRecorded, describe);
                 continue;
             }
             series.last_epoch = self.epoch;

@@ -7,6 +7,7 @@ use cofix_common::formats::rinex::{
 };
 use cofix_common::gnss::{CycleSlip, Event, Observation, ObservationEpoch};
 use cofix_common::orbit::{IonosphereTerms, NavigationFile};
+use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 
 use crate::checks;
@@ -165,7 +166,7 @@ fn navigation_text(file: &NavigationFile) -> (String, usize) {
 fn read_navigation(text: &str) -> NavigationFile {
     let file = NavigationFile::parse(text.as_bytes()).unwrap_or_default();
     // What a record never told, reading notes again.
-    let noted = file.skips.count("GLONASS health unknown, record kept");
+    let noted = file.skips.count(Reason::GlonassHealthUnknown);
     assert_eq!(file.skips.total(), noted, "{} in\n{text}", file.skips);
     file
 }

@@ -21,7 +21,7 @@ use crate::formats::text::shorten;
 use crate::formats::text::without_mark;
 use crate::measurement::RecordedEpoch;
 use crate::orbit::IonosphereTerms;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
 /// Kinds of lines that the app writes and that have no use here.
@@ -189,7 +189,7 @@ impl GnssLoggerDecoder {
             Framed::Line(line) => self.line(line),
             Framed::TooLong => {
                 self.state.line(false, self.line_number, b"(a line of more than 64 KiB)");
-                self.skips.add("line too long", || format!("line {number}: more than 65536 bytes"));
+                self.skips.add(Reason::LineTooLong, || format!("line {number}: more than 65536 bytes"));
             }
         }
     }
@@ -211,12 +211,11 @@ impl GnssLoggerDecoder {
             b"Status" => self.status_line(line),
             kind if UNUSED_KINDS.contains(&kind) => {
                 self.state.line(true, self.line_number, line);
-                self.skips
-                    .add("sensor and gain lines (not used)", || format!("line {number}: {}", shorten(kind)));
+                self.skips.add(Reason::SensorLines, || format!("line {number}: {}", shorten(kind)));
             }
             _ => {
                 self.state.line(false, self.line_number, line);
-                self.skips.add("line of unknown kind", || format!("line {number}: '{}'", shorten(line)));
+                self.skips.add(Reason::LineOfUnknownKind, || format!("line {number}: '{}'", shorten(line)));
             }
         }
     }
@@ -236,8 +235,7 @@ impl GnssLoggerDecoder {
             _ => return,
         };
         if let Err(column) = taken {
-            self.skips
-                .add("header line without a needed column", || format!("line {number}: no column {column}"));
+            self.skips.add(Reason::HeaderLineWithoutColumn, || format!("line {number}: no column {column}"));
         }
         self.state.line(true, number, comment);
     }
@@ -246,11 +244,9 @@ impl GnssLoggerDecoder {
         let number = self.line_number;
         self.state.line(true, number, line);
         if !self.raw.from_header {
-            self.skips.add("Raw line without a header (columns of 2016 assumed; used)", || {
-                format!("line {number}")
-            });
+            self.skips.add(Reason::RawLineWithoutHeader, || format!("line {number}"));
         }
-        let mut read = Fields { kind: "Raw", line: number, skips: &mut self.skips };
+        let mut read = Fields { kind: "Raw line", line: number, skips: &mut self.skips };
         let Some(fields) = self.raw.fields_of(line, &mut read) else { return };
         let Some(raw) = raw::parse(&fields, &mut read) else {
             return self.epochs.lost(raw::lost_signal(&fields));
@@ -258,10 +254,7 @@ impl GnssLoggerDecoder {
         if self.klobuchar.is_none() && raw.is_gps() {
             self.klobuchar = stated::klobuchar(&fields);
             if self.klobuchar.is_some() {
-                self.skips
-                    .add("Klobuchar terms of Raw lines, used where no navigation message has any", || {
-                        format!("line {number}")
-                    });
+                self.skips.add(Reason::KlobucharTermsOfRawLines, || format!("line {number}"));
             }
         }
         self.epochs.line((number, &raw), &self.options, &mut self.skips, &mut self.records);
@@ -270,7 +263,7 @@ impl GnssLoggerDecoder {
 
     fn fix_line(&mut self, line: &[u8]) {
         self.state.line(true, self.line_number, line);
-        let mut read = Fields { kind: "Fix", line: self.line_number, skips: &mut self.skips };
+        let mut read = Fields { kind: "Fix line", line: self.line_number, skips: &mut self.skips };
         let Some(fields) = self.fix.fields_of(line, &mut read) else { return };
         let Some(fix) = fix::parse(&fields, &mut read) else { return };
         if self.own_fix.is_none_or(|own| fix.provider < own.provider) {
@@ -281,7 +274,7 @@ impl GnssLoggerDecoder {
 
     fn status_line(&mut self, line: &[u8]) {
         self.state.line(true, self.line_number, line);
-        let mut read = Fields { kind: "Status", line: self.line_number, skips: &mut self.skips };
+        let mut read = Fields { kind: "Status line", line: self.line_number, skips: &mut self.skips };
         let Some(fields) = self.status.fields_of(line, &mut read) else { return };
         self.statuses.extend(status::parse(&fields, self.epochs.time(), &mut self.reports, &mut read));
     }
@@ -310,7 +303,7 @@ impl Decoder for GnssLoggerDecoder {
         self.state.check()?;
         if let Some(cut) = self.lines.finish() {
             let number = self.line_number + 1;
-            self.skips.add("last line is cut off", || format!("line {number}: '{}'", shorten(&cut)));
+            self.skips.add(Reason::LastLineCutOff, || format!("line {number}: '{}'", shorten(&cut)));
         }
         self.epochs.finish(&mut self.skips, &mut self.records);
         self.nav.finish(&mut self.skips);

@@ -14,7 +14,7 @@ use crate::formats::lost_locks::{LostLocks, SignalKey};
 use crate::formats::time_order::{LONG_STEP_S, TimeOrder};
 use crate::gnss::{EpochFlag, Observation, ObservationEpoch, SatelliteId};
 use crate::measurement::RecordedEpoch;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{GpsTime, leap_seconds_of};
 
 /// Collects the observations of lines that share `TimeNanos` into epochs in time order.
@@ -111,7 +111,7 @@ impl Epochs {
         skips: &mut Skips,
     ) -> Option<Timed> {
         let Some(clock) = self.clock(line, options) else {
-            skips.add("clock outside the years 2010 to 2100", || {
+            skips.add(Reason::ClockOutside2010To2100, || {
                 format!("line {number}: {}", describe_clock(line.clock))
             });
             return None;
@@ -128,7 +128,7 @@ impl Epochs {
             refused(refusal);
         }
         if let Some(letter) = signal.odd_code_type {
-            skips.add("CodeType of no signal on its band (the usual one assumed; used)", || {
+            skips.add(Reason::CodeTypeOfNoSignal, || {
                 format!("line {number}: {satellite}, {} taken as {}", letter as char, signal.code)
             });
         }
@@ -167,7 +167,7 @@ impl Epochs {
             return;
         }
         if let Some(last) = self.last_line.filter(|last| !last.used) {
-            skips.add("epoch without a usable measurement", || {
+            skips.add(Reason::EpochWithoutMeasurement, || {
                 format!("line {}: TimeNanos {}", last.number, last.time_ns)
             });
         }
@@ -228,7 +228,7 @@ impl Epochs {
     fn drop_suspect(&mut self, skips: &mut Skips) {
         if let Some(line) = self.suspect.take() {
             self.lost(line.lost_signal());
-            skips.add("line whose time is far from those around it", || line.describe());
+            skips.add(Reason::LineTimeFar, || line.describe());
         }
     }
 
@@ -254,7 +254,7 @@ impl Epochs {
             if measured.is_lost {
                 self.locks.observe((satellite, signal), true, false);
             }
-            return skips.add("signal repeated in its epoch", || {
+            return skips.add(Reason::SignalRepeated, || {
                 format!("line {number}: {satellite} {signal} at {}", current.epoch.time_gps)
             });
         }
@@ -272,15 +272,11 @@ impl Epochs {
     }
 
     /// Why a time cannot be that of a new epoch, and against which time.
-    fn refuses(&self, time: GpsTime) -> Option<(&'static str, GpsTime)> {
+    fn refuses(&self, time: GpsTime) -> Option<(Reason, GpsTime)> {
         let open =
             self.time().filter(|open| time == *open || time < *open && self.order.goes_on(*open, None));
         let before = open.or_else(|| self.order.refuses(time).map(|(_, before)| before))?;
-        let reason = if time == before {
-            "line repeats the time of an earlier epoch"
-        } else {
-            "line steps back in time"
-        };
+        let reason = if time == before { Reason::LineRepeatsTime } else { Reason::LineStepsBack };
         Some((reason, before))
     }
 

@@ -2,11 +2,11 @@
 
 use crate::formats::decimal;
 use crate::formats::text::shorten;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 /// The fields of a line, read as numbers; what cannot be read is counted.
 pub(super) struct Fields<'a> {
-    /// Kind of line, for messages.
+    /// Kind of line, such as "Raw line", for messages.
     pub(super) kind: &'static str,
     /// Line number.
     pub(super) line: u64,
@@ -27,18 +27,16 @@ impl Fields<'_> {
         if value.is_none() {
             let (kind, line) = (self.kind, self.line);
             let reason =
-                if field.is_empty() { "a needed value is missing" } else { "a needed value cannot be read" };
-            self.skips.add(&format!("{kind} line: {reason}"), || {
-                format!("line {line}: {name} is '{}'", shorten(field))
-            });
+                if field.is_empty() { Reason::NeededValueMissing } else { Reason::NeededValueUnreadable };
+            self.skips.add_within(kind, reason, || format!("line {line}: {name} is '{}'", shorten(field)));
         }
         value
     }
 
     /// Counts the line, or something in it, as refused.
-    pub(super) fn refuse(&mut self, reason: &str, describe: impl FnOnce() -> String) {
+    pub(super) fn refuse(&mut self, reason: Reason, describe: impl FnOnce() -> String) {
         let (kind, line) = (self.kind, self.line);
-        self.skips.add(&format!("{kind} line: {reason}"), || format!("line {line}: {}", describe()));
+        self.skips.add_within(kind, reason, || format!("line {line}: {}", describe()));
     }
 
     /// A number that may be missing.
@@ -55,7 +53,7 @@ impl Fields<'_> {
         let value = read(field);
         if value.is_none() {
             let (kind, line) = (self.kind, self.line);
-            self.skips.add(&format!("{kind} line: a value cannot be read (the rest is used)"), || {
+            self.skips.add_within(kind, Reason::ValueUnreadable, || {
                 format!("line {line}: {name} is '{}'", shorten(field))
             });
         }

@@ -3,6 +3,7 @@
 use super::columns::{FIX_COLUMNS, Fix as Column};
 use super::fields::{Fields, integer, real};
 use crate::frames::{Ecef, Geodetic};
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// Where a fix came from.
@@ -55,7 +56,7 @@ pub(super) fn parse(fields: &[&[u8]; FIX_COLUMNS], read: &mut Fields<'_>) -> Opt
     let millis = read.required("time", at(Column::UnixTimeMillis), integer)?;
     let time = GpsTime::from_unix_millis(millis);
     let Some(time_gps) = time.filter(|_| latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 180.0) else {
-        read.refuse("position or time out of range", || {
+        read.refuse(Reason::PositionOrTimeOutOfRange, || {
             format!("{latitude_deg}°, {longitude_deg}°, {millis} ms since 1970")
         });
         return None;
@@ -75,7 +76,7 @@ pub(super) fn parse(fields: &[&[u8]; FIX_COLUMNS], read: &mut Fields<'_>) -> Opt
 fn accuracy_m(field: &[u8], read: &mut Fields<'_>) -> Option<f64> {
     let accuracy_m = read.optional("accuracy", field, real)?;
     if accuracy_m < 0.0 {
-        read.refuse("negative accuracy (the rest is used)", || format!("{accuracy_m} m"));
+        read.refuse(Reason::NegativeAccuracy, || format!("{accuracy_m} m"));
         return None;
     }
     Some(accuracy_m)

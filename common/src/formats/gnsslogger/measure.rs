@@ -4,11 +4,9 @@ use super::options::{KnownTime, Masks, Options};
 use super::pseudorange::{ReceiveTime, TransmitScale};
 use super::raw::RawLine;
 use super::signal::{Signal, channel_only};
-use crate::gnss::{
-    CN0_BOUNDS_DBHZ, DOPPLER_TOO_LARGE, LossOfLock, MAX_DOPPLER_HZ, MAX_PHASE_CYCLES, Observation,
-    SatelliteId,
-};
+use crate::gnss::{CN0_BOUNDS_DBHZ, LossOfLock, MAX_DOPPLER_HZ, MAX_PHASE_CYCLES, Observation, SatelliteId};
 use crate::measurement::GivenCorrections;
+use crate::skips::Reason;
 
 /// Bits of `AccumulatedDeltaRangeState` (Android API).
 pub(super) mod range_state {
@@ -23,14 +21,14 @@ pub(super) mod range_state {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Refusal {
     /// Reason to count under.
-    pub(super) reason: &'static str,
+    pub(super) reason: Reason,
     /// What the value is.
     pub(super) quantity: &'static str,
     /// The value.
     pub(super) value: f64,
 }
 
-const fn refuse<T>(reason: &'static str, quantity: &'static str, value: f64) -> Result<T, Refusal> {
+const fn refuse<T>(reason: Reason, quantity: &'static str, value: f64) -> Result<T, Refusal> {
     Err(Refusal { reason, quantity, value })
 }
 
@@ -62,7 +60,7 @@ pub(super) fn measure(
     let pseudorange_m = scale.pseudorange_m(receive, line.received_sv_time_ns).unwrap_or(f64::NAN);
     let (shortest, longest) = masks.pseudorange_m;
     if !(shortest..=longest).contains(&pseudorange_m) {
-        return refuse("mask: pseudorange", "m", pseudorange_m);
+        return refuse(Reason::MaskPseudorange, "m", pseudorange_m);
     }
     Ok(Measured {
         observation: Observation {
@@ -92,12 +90,12 @@ pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Opt
     }
     let constellation = observation.satellite.constellation;
     let Some(wavelength_m) = observation.signal.wavelength_m(constellation, measured.glonass_channel) else {
-        return refuse("Doppler and phase without a carrier frequency", "CarrierFrequencyHz", f64::NAN);
+        return refuse(Reason::DopplerWithoutCarrierFrequency, "CarrierFrequencyHz", f64::NAN);
     };
     let set = |bit: u32| line.range_state & bit != 0;
     let phase_cycles = phase_m.map(|range| range / wavelength_m);
     if let Some(cycles) = phase_cycles.filter(|cycles| cycles.abs() > MAX_PHASE_CYCLES) {
-        return refuse("accumulated delta range beyond 9e9 cycles (code is used)", "cycles", cycles);
+        return refuse(Reason::AccumulatedDeltaRangeOutOfRange, "cycles", cycles);
     }
     observation.carrier_phase_cycles = phase_cycles;
     if observation.carrier_phase_cycles.is_some() {
@@ -106,11 +104,11 @@ pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Opt
     }
     let uncertainty = line.rate_uncertainty_mps.unwrap_or(0.0);
     if uncertainty > options.masks.max_rate_uncertainty_mps {
-        return refuse("mask: pseudorange rate uncertainty (code is used)", "m/s", uncertainty);
+        return refuse(Reason::MaskPseudorangeRateUncertainty, "m/s", uncertainty);
     }
     let doppler_hz = line.rate_mps.map(|rate| -rate / wavelength_m);
     if let Some(doppler_hz) = doppler_hz.filter(|doppler| doppler.abs() > MAX_DOPPLER_HZ) {
-        return refuse(DOPPLER_TOO_LARGE, "Hz", doppler_hz);
+        return refuse(Reason::DopplerOutOfRange, "Hz", doppler_hz);
     }
     observation.doppler_hz = doppler_hz;
     Ok(())
@@ -129,7 +127,7 @@ fn scale(
         // Geostationary BeiDou satellites have subframes of 0.6 s only, by whichever bit the lock on them is told.
         Some(KnownTime::Modulo(6_000)) if satellite.is_beidou_geostationary() => Ok(scale.modulo(600)),
         Some(KnownTime::Modulo(period_ms)) => Ok(scale.modulo(period_ms)),
-        None => refuse("mask: state bits", "State", f64::from(state)),
+        None => refuse(Reason::MaskStateBits, "State", f64::from(state)),
     }
 }
 
@@ -137,23 +135,23 @@ fn scale(
 fn check(line: &RawLine, masks: &Masks) -> Result<(), Refusal> {
     let above = |value: Option<f64>, limit: f64| value.filter(|v| *v > limit);
     if let Some(value) = above(line.clock.bias_uncertainty_ns, masks.max_bias_uncertainty_ns) {
-        return refuse("mask: clock bias uncertainty", "ns", value);
+        return refuse(Reason::MaskClockBiasUncertainty, "ns", value);
     }
     if let Some(value) = above(line.received_sv_time_uncertainty_ns, masks.max_received_time_uncertainty_ns) {
-        return refuse("mask: received time uncertainty", "ns", value);
+        return refuse(Reason::MaskReceivedTimeUncertainty, "ns", value);
     }
     if let Some(value) = line.cn0_dbhz.filter(|cn0| *cn0 < masks.min_cn0_dbhz) {
-        return refuse("mask: C/N0", "dB-Hz", value);
+        return refuse(Reason::MaskCn0, "dB-Hz", value);
     }
     if let Some(value) = line.cn0_dbhz.filter(|cn0| !CN0_BOUNDS_DBHZ.contains(cn0)) {
-        return refuse("C/N0 outside 0 to 70 dB-Hz", "dB-Hz", value);
+        return refuse(Reason::Cn0OutOfRange, "dB-Hz", value);
     }
     if line.multipath && masks.reject_multipath {
-        return refuse("mask: multipath indicator", "MultipathIndicator", 1.0);
+        return refuse(Reason::MaskMultipath, "MultipathIndicator", 1.0);
     }
     // Longer offsets than this belong to no receiver: satellites move by 10 m in 10 ms.
     if line.time_offset_ns.abs() > 1e7 {
-        return refuse("measurement far from its epoch", "TimeOffsetNanos", line.time_offset_ns);
+        return refuse(Reason::MeasurementFarFromEpoch, "TimeOffsetNanos", line.time_offset_ns);
     }
     Ok(())
 }

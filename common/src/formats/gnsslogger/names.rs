@@ -3,7 +3,7 @@
 use super::raw::RawLine;
 use super::signal::{Signal, channel_only, satellite, signal};
 use crate::gnss::{Constellation, SatelliteId};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 /// Satellite and signal of a line; `None` (counted) if it has none that is known. A GLONASS satellite of which the phone knows the
 /// channel only goes by its number there.
@@ -19,7 +19,7 @@ pub(super) fn named((number, line): (u64, &RawLine), skips: &mut Skips) -> Optio
         // A line without a slot is counted already.
         if channel.is_none() {
             let frequency_hz = line.frequency_hz.unwrap_or(f64::NAN);
-            skips.add("carrier frequency of no signal of the system", || {
+            skips.add(Reason::CarrierFrequencyOfNoSignal, || {
                 format!("line {number}: {satellite}, {frequency_hz} Hz")
             });
         }

@@ -13,7 +13,7 @@ use crate::formats::navbits::{
 };
 use crate::orbit::IonosphereTerms;
 use crate::orbit::KeplerEphemeris;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{GpsTime, leap_seconds_of};
 
 /// Messages that wait for the first epoch, which tells the week. Forty satellites of all systems send some fifteen pieces in a
@@ -70,7 +70,7 @@ impl NavLines {
             self.waiting.push(message);
             self.catch_up(epochs, skips, records);
         } else {
-            skips.add("Nav line long before the first epoch", || format!("line {number}"));
+            skips.add(Reason::NavLineTooEarly, || format!("line {number}"));
         }
     }
 
@@ -95,7 +95,7 @@ impl NavLines {
     /// Counts what has waited in vain.
     pub(super) fn finish(&mut self, skips: &mut Skips) {
         for message in std::mem::take(&mut self.waiting) {
-            skips.add("Nav line without any epoch to tell the week", || format!("line {}", message.number));
+            skips.add(Reason::NavLineWithoutWeek, || format!("line {}", message.number));
         }
         for (line, message) in std::mem::take(&mut self.without_channel.messages) {
             count_without_channel(line, &message, skips);
@@ -166,7 +166,5 @@ fn on_channel(message: &GlonassMessage, epochs: &Epochs) -> Option<Record> {
 }
 
 fn count_without_channel(line: u64, message: &GlonassMessage, skips: &mut Skips) {
-    skips.add("GLONASS ephemeris without a carrier frequency to tell its channel", || {
-        format!("line {line}: R{:02}", message.slot())
-    });
+    skips.add(Reason::GlonassEphemerisWithoutChannel, || format!("line {line}: R{:02}", message.slot()));
 }

@@ -5,7 +5,7 @@ use super::signal::satellite;
 use crate::formats::navbits::{GlonassLabel, GlonassName, ReceiverCheck};
 use crate::formats::text::shorten;
 use crate::gnss::SatelliteId;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 /// Status: parity passed, and parity failed but the receiver could rebuild the words.
 const PASSED: [i64; 2] = [1, 2];
@@ -55,7 +55,7 @@ struct Head {
 pub(super) fn parse(number: u64, line: &[u8], skips: &mut Skips) -> Option<Message> {
     let mut fields = line.split(|byte| *byte == b',').skip(1);
     let Some(head) = head(&mut fields) else {
-        skips.add("Nav line cannot be read", || format!("line {number}: '{}'", shorten(line)));
+        skips.add(Reason::NavLineUnreadable, || format!("line {number}: '{}'", shorten(line)));
         return None;
     };
     let receiver = if PASSED.contains(&head.status) { ReceiverCheck::Passed } else { ReceiverCheck::Unknown };
@@ -67,7 +67,7 @@ pub(super) fn parse(number: u64, line: &[u8], skips: &mut Skips) -> Option<Messa
         }
     };
     let Some((bytes, length)) = message_bytes(fields) else {
-        skips.add("Nav line cannot be read", || format!("line {number}: '{}'", shorten(line)));
+        skips.add(Reason::NavLineUnreadable, || format!("line {number}: '{}'", shorten(line)));
         return None;
     };
     Some(Message { number, kind, receiver, bytes, length })
@@ -80,7 +80,7 @@ fn head<'a>(fields: &mut impl Iterator<Item = &'a [u8]>) -> Option<Head> {
 }
 
 /// The message by its type (Android API, `GnssNavigationMessage`), or the reason why it is not used.
-fn kind(head: &Head, receiver: ReceiverCheck) -> Result<Kind, &'static str> {
+fn kind(head: &Head, receiver: ReceiverCheck) -> Result<Kind, Reason> {
     let satellite = || satellite(head.kind >> 8, head.svid);
     match head.kind {
         0x0101 | 0x0401 => Ok(Kind::Lnav(satellite()?)),
@@ -88,19 +88,19 @@ fn kind(head: &Head, receiver: ReceiverCheck) -> Result<Kind, &'static str> {
         0x0501 | 0x0502 => beidou(satellite()?, head.kind == 0x0502).map(Kind::Beidou),
         0x0601 => Ok(Kind::Inav(satellite()?)),
         0x0602 => Ok(Kind::Fnav(satellite()?)),
-        _ => Err("Nav line of a message that is not decoded"),
+        _ => Err(Reason::NavLineNotDecoded),
     }
 }
 
 /// D2 is of geostationary satellites, D1 of the others.
-fn beidou(satellite: SatelliteId, is_d2: bool) -> Result<SatelliteId, &'static str> {
+fn beidou(satellite: SatelliteId, is_d2: bool) -> Result<SatelliteId, Reason> {
     let fits = satellite.is_beidou_geostationary() == is_d2;
-    fits.then_some(satellite).ok_or("Nav line of a BeiDou message that its satellite does not send")
+    fits.then_some(satellite).ok_or(Reason::NavLineOfWrongBeidouMessage)
 }
 
 /// GLONASS satellites have their slot as Svid, or while it is unknown their frequency channel plus 100. The frame is the
 /// message of the API, and the string in it the sub-message.
-fn glonass(head: &Head, receiver: ReceiverCheck) -> Result<GlonassLabel, &'static str> {
+fn glonass(head: &Head, receiver: ReceiverCheck) -> Result<GlonassLabel, Reason> {
     let name = match i8::try_from(head.svid - 100) {
         Ok(channel @ -7..=6) => GlonassName::Channel(channel),
         _ => GlonassName::Slot(satellite(3, head.svid)?.number),

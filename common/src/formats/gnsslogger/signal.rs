@@ -1,6 +1,7 @@
 //! Android's names of satellites and signals in RINEX terms.
 
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
+use crate::skips::Reason;
 
 /// A carrier may be this far from its nominal frequency, Hz: phones print it as a 32-bit float (64 Hz) and some round.
 const FREQUENCY_TOLERANCE_HZ: f64 = 200e3;
@@ -50,13 +51,13 @@ const BANDS: [(Constellation, &[Band]); 7] = [
 ];
 
 /// The satellite of `ConstellationType` and `Svid` (Android API, `GnssStatus.getSvid`), or the reason why there is none.
-pub(crate) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteId, &'static str> {
+pub(crate) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteId, Reason> {
     use Constellation::{Beidou, Galileo, Glonass, Gps, Navic, Qzss, Sbas};
     let (constellation, number) = match (constellation_type, svid) {
         (1, 1..=32) => (Gps, svid),
         (2, 120..=158 | 183..=192) => (Sbas, svid - 100),
         (3, 1..=32) => (Glonass, svid),
-        (3, 93..=106) => return Err("GLONASS satellite known by its frequency channel only"),
+        (3, 93..=106) => return Err(Reason::GlonassSatelliteByChannelOnly),
         (4, 193..=202) => (Qzss, svid - 192),
         // As in the challenge tables of 2021.
         (4, 1..=10) => (Qzss, svid),
@@ -65,10 +66,10 @@ pub(crate) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteI
         (5, 201..=263) => (Beidou, svid - 200),
         (6, 1..=36) => (Galileo, svid),
         (7, 1..=14) => (Navic, svid),
-        (1..=7, _) => return Err("satellite number outside its system"),
-        _ => return Err("unknown constellation type"),
+        (1..=7, _) => return Err(Reason::SatelliteNumberOutOfRange),
+        _ => return Err(Reason::UnknownConstellationType),
     };
-    let number = u8::try_from(number).map_err(|_| "satellite number outside its system")?;
+    let number = u8::try_from(number).map_err(|_| Reason::SatelliteNumberOutOfRange)?;
     Ok(SatelliteId::new(constellation, number))
 }
 
@@ -139,7 +140,7 @@ mod tests {
     use super::*;
 
     fn named(kind: i64, svid: i64) -> String {
-        satellite(kind, svid).map_or_else(str::to_owned, |s| s.to_string())
+        satellite(kind, svid).map_or_else(|reason| reason.to_string(), |satellite| satellite.to_string())
     }
 
     #[test]
@@ -155,11 +156,11 @@ mod tests {
             (5, 206, "C06"),
             (6, 36, "E36"),
             (7, 9, "I09"),
-            (3, 93, "GLONASS satellite known by its frequency channel only"),
-            (3, 106, "GLONASS satellite known by its frequency channel only"),
-            (1, 0, "satellite number outside its system"),
-            (1, 193, "satellite number outside its system"),
-            (0, 7, "unknown constellation type"),
+            (3, 93, Reason::GlonassSatelliteByChannelOnly.text()),
+            (3, 106, Reason::GlonassSatelliteByChannelOnly.text()),
+            (1, 0, Reason::SatelliteNumberOutOfRange.text()),
+            (1, 193, Reason::SatelliteNumberOutOfRange.text()),
+            (0, 7, Reason::UnknownConstellationType.text()),
         ] {
             assert_eq!(named(kind, svid), expected, "{kind} {svid}");
         }

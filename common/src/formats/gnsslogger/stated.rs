@@ -7,6 +7,7 @@ use crate::frames::{Ecef, EcefVector};
 use crate::measurement::{
     GivenCorrections, MAX_SATELLITE_CLOCK_M, MAX_SATELLITE_DRIFT_MPS, MAX_SATELLITE_SPEED_MPS, ORBIT_BOUNDS_M,
 };
+use crate::skips::Reason;
 
 /// Standard deviation of orbit and clock along the line of sight, m. The app does not say whether the clock contains the
 /// signal's group delay, and those of GPS satellites differ by 2 m.
@@ -42,7 +43,7 @@ pub(super) fn corrections(fields: &[&[u8]; RAW_COLUMNS], read: &mut Fields<'_>) 
         && clock_drift_mps.abs() <= MAX_SATELLITE_DRIFT_MPS;
     if !is_sound {
         let (distance_m, speed_mps) = (position.norm(), velocity.norm());
-        read.refuse("a satellite's state that cannot be (the rest is used)", || {
+        read.refuse(Reason::SatelliteStateImpossible, || {
             format!("{distance_m:.0} m from the Earth's centre, {speed_mps} m/s, clock {clock_m} m, {clock_drift_mps} m/s")
         });
         return None;

@@ -9,6 +9,7 @@ use super::fields::{Fields, flag, integer, real};
 use super::signal::{satellite, signal};
 use crate::frames::Direction;
 use crate::gnss::{CN0_BOUNDS_DBHZ, SatelliteId, SignalCode};
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// What the phone says about one signal.
@@ -108,7 +109,7 @@ fn named(fields: &[&[u8]; STATUS_COLUMNS], read: &mut Fields<'_>) -> Option<(Sat
     };
     let Some(signal) = signal(satellite, frequency_hz, None) else {
         let hz = frequency_hz.unwrap_or(f64::NAN);
-        read.refuse("carrier frequency of no signal of the system", || format!("{satellite}, {hz} Hz"));
+        read.refuse(Reason::CarrierFrequencyOfNoSignal, || format!("{satellite}, {hz} Hz"));
         return None;
     };
     Some((satellite, signal.code))
@@ -118,7 +119,7 @@ fn time(unix_millis: Option<i64>, read: &mut Fields<'_>) -> Option<GpsTime> {
     let millis = unix_millis.filter(|millis| *millis != 0)?;
     let time = GpsTime::from_unix_millis(millis);
     if time.is_none() {
-        read.refuse("time out of range (the rest is used)", || format!("{millis} ms since 1970"));
+        read.refuse(Reason::TimeOutOfRange, || format!("{millis} ms since 1970"));
     }
     time
 }
@@ -126,7 +127,7 @@ fn time(unix_millis: Option<i64>, read: &mut Fields<'_>) -> Option<GpsTime> {
 fn strength(name: &str, field: &[u8], read: &mut Fields<'_>) -> Option<f64> {
     let dbhz = read.optional(name, field, real)?;
     if !CN0_BOUNDS_DBHZ.contains(&dbhz) {
-        read.refuse("C/N0 outside 0 to 70 dB-Hz (the rest is used)", || format!("{name} is {dbhz}"));
+        read.refuse(Reason::Cn0LeftOut, || format!("{name} is {dbhz}"));
         return None;
     }
     Some(dbhz).filter(|dbhz| *dbhz > 0.0)
@@ -138,7 +139,7 @@ fn direction(fields: &[&[u8]; STATUS_COLUMNS], read: &mut Fields<'_>) -> Option<
     let elevation_deg = read.optional("ElevationDegrees", at(Column::ElevationDegrees), real);
     let (azimuth_deg, elevation_deg) = (azimuth_deg?, elevation_deg?);
     if azimuth_deg.abs() > 360.0 || elevation_deg.abs() > 90.0 {
-        read.refuse("direction out of range (the rest is used)", || {
+        read.refuse(Reason::DirectionOutOfRange, || {
             format!("azimuth {azimuth_deg}°, elevation {elevation_deg}°")
         });
         return None;

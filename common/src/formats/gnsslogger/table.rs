@@ -2,6 +2,7 @@
 
 use super::columns::Layout;
 use super::fields::Fields;
+use crate::skips::Reason;
 
 /// The columns of a kind of line, and how many fields its lines have.
 #[derive(Clone, Debug)]
@@ -28,7 +29,7 @@ impl<const N: usize> Columns<N> {
             if self.suspect != Some(count) {
                 self.suspect = Some(count);
                 let (kind, number, expected) = (read.kind, read.line, self.fields);
-                read.skips.add(&format!("{kind} line with another number of fields"), || {
+                read.skips.add_about(Reason::OtherNumberOfFields, kind, || {
                     format!("line {number}: {count} fields, {expected} expected")
                 });
                 return None;

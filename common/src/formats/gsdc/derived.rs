@@ -13,7 +13,7 @@ use crate::formats::text::{is_blank, without_mark};
 use crate::formats::time_order::{DAY_S, LONG_STEP_S};
 use crate::gnss::Observation;
 use crate::measurement::{ChannelObservation, RecordedEpoch, RecordedObservation};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{GpsTime, SECONDS_PER_WEEK};
 
 /// An epoch is complete when a row this much later comes, s: rows need not be in order of time within this span.
@@ -187,12 +187,11 @@ impl Table {
         let is_lost = recorded.observation.loss_of_lock.cycle_slip;
         if !self.is_in_time(time_gps, skips) {
             self.losses.note_if(is_lost, (satellite, signal), Some(time_gps), self.latest);
-            return skips
-                .add("row out of the order of time", || format!("line {number}: {satellite} at {time_gps}"));
+            return skips.add(Reason::RowOutOfOrder, || format!("line {number}: {satellite} at {time_gps}"));
         }
         let shifted = match shift {
-            Shift::Whole(shift_s) => (shift_s, "epoch corrected by whole seconds, row used"),
-            Shift::Irregular(shift_s) => (shift_s, "epoch corrected to the time of arrival, row used"),
+            Shift::Whole(shift_s) => (shift_s, Reason::EpochCorrectedByWholeSeconds),
+            Shift::Irregular(shift_s) => (shift_s, Reason::EpochCorrectedByArrival),
         };
         let (shift_s, reason) = shifted;
         if shift_s != 0.0 {
@@ -206,21 +205,16 @@ impl Table {
         let by_slot = epoch.observations.iter().map(|known| &known.observation);
         if by_slot.chain(epoch.by_channel.iter().map(|known| &known.observation)).any(same) {
             self.losses.note_if(is_lost, (satellite, signal), Some(time_gps), self.latest);
-            return skips.add("signal twice in one epoch", || {
-                format!("line {number}: {satellite} {signal} at {time_gps}")
-            });
+            return skips
+                .add(Reason::SignalTwice, || format!("line {number}: {satellite} {signal} at {time_gps}"));
         }
         if let Some(channel) = channel_only {
-            skips.add("GLONASS satellite known by its frequency channel only", || {
-                format!("line {number}: channel {channel}")
-            });
+            skips.add(Reason::GlonassSatelliteByChannelOnly, || format!("line {number}: channel {channel}"));
             let observation = recorded.observation;
             return epoch.by_channel.push(ChannelObservation { channel, observation });
         }
         if let Some(lack) = lack {
-            skips.add("no corrections in the row, raw observation kept", || {
-                format!("line {number}: {satellite}: {lack}")
-            });
+            skips.add(Reason::NoCorrectionsInRow, || format!("line {number}: {satellite}: {lack}"));
         }
         epoch.observations.push(recorded);
     }
@@ -258,7 +252,7 @@ impl Table {
                 let signal = (observation.satellite, observation.signal);
                 self.losses.note_if(observation.loss_of_lock.cycle_slip, signal, None, self.latest);
             }
-            skips.add("epoch far from those around it, left out", || {
+            skips.add(Reason::EpochFarFromThoseAround, || {
                 format!("{suspect}, {} rows", epoch.observations.len())
             });
         }
@@ -304,7 +298,7 @@ impl Decoder for DerivedDecoder {
         if let Some((number, rest)) = self.lines.rest() {
             let length = rest.len();
             self.skips
-                .add("last line is cut off", || format!("line {number}: {length} bytes without a line end"));
+                .add(Reason::LastLineCutOff, || format!("line {number}: {length} bytes without a line end"));
         }
         self.state.drop_irregular(&mut self.skips);
         if let Some(latest) = self.state.latest {

@@ -1,7 +1,7 @@
 //! Lines of a stream.
 
 use crate::formats::text::without_mark;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 /// No row of these tables comes near this, bytes.
 const MAX_LINE_BYTES: usize = 65_536;
@@ -48,7 +48,7 @@ impl Lines {
         }
         if self.partial.len() + part.len() > MAX_LINE_BYTES {
             let number = self.number + 1;
-            skips.add("line too long", || format!("line {number}: more than {MAX_LINE_BYTES} bytes"));
+            skips.add(Reason::LineTooLong, || format!("line {number}: more than {MAX_LINE_BYTES} bytes"));
             self.too_long = true;
             self.partial.clear();
             return;

@@ -18,6 +18,7 @@ use crate::measurement::{
     GivenCorrections, MAX_SATELLITE_CLOCK_M, MAX_SATELLITE_DRIFT_MPS, MAX_SATELLITE_SPEED_MPS,
     ORBIT_BOUNDS_M, RecordedObservation,
 };
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// Largest delay in the atmosphere, m.
@@ -53,7 +54,7 @@ pub(super) struct Row {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Fault {
     /// Reason to count under.
-    pub(super) reason: &'static str,
+    pub(super) reason: Reason,
     /// Column and value.
     pub(super) detail: String,
 }
@@ -75,14 +76,14 @@ impl Fields<'_> {
         let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
         let name = self.columns.name(column);
         let value = value.ok_or_else(|| Fault {
-            reason: "value missing or not a number",
+            reason: Reason::ValueMissing,
             detail: format!("{name} '{}'", shorten(text)),
         })?;
         if bounds.contains(&value) {
             return Ok(value);
         }
         Err(Fault {
-            reason: "impossible value",
+            reason: Reason::ImpossibleValue,
             detail: format!("{name} = {value}, limits {} to {}", bounds.start(), bounds.end()),
         })
     }
@@ -96,7 +97,7 @@ impl Fields<'_> {
         let text = self.text(column);
         let value = integer(text).filter(|value| (0..=limit).contains(value));
         value.ok_or_else(|| Fault {
-            reason: "time missing or impossible",
+            reason: Reason::TimeMissing,
             detail: format!("{} '{}'", self.columns.name(column), shorten(text)),
         })
     }
@@ -158,7 +159,7 @@ fn satellite_of(fields: &Fields<'_>) -> Option<(SatelliteId, Option<i8>)> {
 fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
     let (constellation, number) = (fields.text(Required::Constellation), fields.text(Required::Satellite));
     let (satellite, _) = satellite_of(fields).ok_or_else(|| Fault {
-        reason: "satellite that is not used",
+        reason: Reason::SatelliteNotUsed,
         detail: format!("constellation type '{}', svid '{}'", shorten(constellation), shorten(number)),
     })?;
     let on_carrier =
@@ -169,7 +170,7 @@ fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
     };
     let code_type = fields.columns.optional(fields.fields, Optional::CodeType);
     let signal = signal::signal(satellite.constellation, name, code_type).ok_or_else(|| Fault {
-        reason: "signal that is not used",
+        reason: Reason::SignalNotUsed,
         detail: format!("{satellite} '{}'", shorten(name)),
     })?;
     Ok((satellite, signal))
@@ -187,7 +188,7 @@ fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
     let distance_m = position.0.norm();
     if !ORBIT_BOUNDS_M.contains(&distance_m) {
         return Err(Fault {
-            reason: "impossible value",
+            reason: Reason::ImpossibleValue,
             detail: format!("satellite {distance_m} m from the Earth's centre"),
         });
     }

@@ -4,6 +4,7 @@ use super::columns::{Generation, Required};
 use super::row::{Fault, Fields, MAX_NANOS};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::formats::time_order::LONG_STEP_S;
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// Epoch and arrival may differ by this much, s, in tables that give the epoch to the nanosecond.
@@ -71,7 +72,7 @@ fn times_2021(written: GpsTime, arrival: GpsTime) -> Result<Times, GpsTime> {
 /// A row whose epoch and arrival do not go together.
 pub(super) fn contradiction(written: GpsTime, late_s: f64) -> Fault {
     Fault {
-        reason: "epoch contradicts transmission and pseudorange",
+        reason: Reason::EpochContradictsPseudorange,
         detail: format!("{written} is {late_s:.3} s after the arrival"),
     }
 }

@@ -5,7 +5,7 @@ use crate::accuracy::{Truth, TruthError, TruthPoint};
 use crate::formats::integer::integer;
 use crate::formats::text::content;
 use crate::frames::{EcefVector, Enu, Geodetic, LocalFrame};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
 /// The heights of 2021 are this much too high, m (the organisers' note on the data).
@@ -144,7 +144,7 @@ impl Reader {
                 self.rows += 1;
                 match header.point(fields) {
                     Some(point) => self.points.push(point),
-                    None => skips.add("truth row unreadable or out of range", || format!("line {number}")),
+                    None => skips.add(Reason::TruthRowUnusable, || format!("line {number}")),
                 }
             }
             Some(_) => {}

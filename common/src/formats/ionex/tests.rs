@@ -1,6 +1,7 @@
 use super::*;
 use crate::atmosphere::{IonosphereMaps, NoTec};
 use crate::frames::{Direction, Geodetic};
+use crate::skips::Reason;
 
 fn labelled(content: &str, label: &str) -> String {
     format!("{content:<60}{label:<20}\n")
@@ -16,8 +17,8 @@ fn header(heights: &str) -> String {
         ("    10.0 -10.0 -10.0", "LAT1 / LAT2 / DLAT"),
         ("  -180.0 180.0  20.0", "LON1 / LON2 / DLON"),
         ("    -1", "EXPONENT"),
-        ("DIFFERENTIAL CODE BIASES", "START OF AUX DATA"),
-        ("DIFFERENTIAL CODE BIASES", "END OF AUX DATA"),
+        ("Reason::DifferentialBias CODE BIASES", "START OF AUX DATA"),
+        ("Reason::DifferentialBias CODE BIASES", "END OF AUX DATA"),
         ("", "END OF HEADER"),
     ]
     .iter()
@@ -85,18 +86,18 @@ fn missing_values_and_bad_rows_stay_holes() {
     assert_eq!(tecu(&Ionex::parse(missing.as_bytes()).unwrap(), 60.0), Err(NoTec::Missing));
     let row = file().replacen("   -10.0-180.0 180.0  20.0 450.0", "   -12.0-180.0 180.0  20.0 450.0", 1);
     let row = Ionex::parse(row.as_bytes()).unwrap();
-    assert_eq!(row.skips.count("IONEX row that is not of the header's grid"), 1, "{}", row.skips);
+    assert_eq!(row.skips.count(Reason::IonexRowOffGrid), 1, "{}", row.skips);
     assert!(tecu(&row, 60.0).is_ok(), "the other parallels serve");
     let value = file().replacen("  100", "  1x0", 1);
     let value = Ionex::parse(value.as_bytes()).unwrap();
-    assert_eq!(value.skips.count("IONEX value cannot be read"), 1, "{}", value.skips);
+    assert_eq!(value.skips.count(Reason::IonexValueUnreadable), 1, "{}", value.skips);
 }
 
 #[test]
 fn absurd_contents_stay_holes() {
     let exponent = file().replacen("    -1", "    10", 1);
     let file = Ionex::parse(exponent.as_bytes()).unwrap();
-    assert_eq!(file.skips.count("IONEX value that is impossibly large"), 2 * 57, "{}", file.skips);
+    assert_eq!(file.skips.count(Reason::IonexValueImpossiblyLarge), 2 * 57, "{}", file.skips);
     assert!(file.skips.to_string().contains("1000000000000 TECU"), "{}", file.skips);
     assert_eq!(tecu(&file, 60.0), Err(NoTec::Missing));
 }
@@ -136,7 +137,7 @@ fn a_cut_map_is_not_used_and_named() {
     let at = text.find("START OF RMS").unwrap() - 60 - 81 - 20;
     let cut = Ionex::parse(&text.as_bytes()[..at]).unwrap();
     assert_eq!(cut.maps.len(), 1);
-    assert_eq!(cut.skips.count("IONEX map without END OF TEC MAP"), 1, "{}", cut.skips);
+    assert_eq!(cut.skips.count(Reason::IonexMapWithoutEnd), 1, "{}", cut.skips);
 }
 
 #[test]

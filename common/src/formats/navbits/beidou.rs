@@ -14,6 +14,7 @@ use crate::atmosphere::KlobucharCoefficients;
 use crate::formats::bits::unsigned;
 use crate::gnss::SatelliteId;
 use crate::orbit::KeplerEphemeris;
+use crate::skips::Reason;
 use crate::time::{BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, GpsTime, SECONDS_PER_WEEK};
 
 /// Weeks are sent modulo this.
@@ -98,7 +99,7 @@ fn piece_index(data: &Data, satellite: SatelliteId) -> Result<Option<usize>, Ref
         .map(Some)
         .ok_or_else(|| {
             let detail = format!("{satellite}: subframe {subframe}, page {page}");
-            refused("BeiDou subframe with impossible number", detail)
+            refused(Reason::BeidouSubframeImpossibleNumber, detail)
         })
 }
 
@@ -109,7 +110,7 @@ fn sent(data: &Data, satellite: SatelliteId, now: GpsTime) -> Result<GpsTime, Re
         return Ok(nearest(seconds + BEIDOU_BEHIND_GPS_S, now));
     }
     let detail = format!("{satellite}: {seconds} s, limit {SECONDS_PER_WEEK} s");
-    Err(refused("BeiDou subframe with impossible time of week", detail))
+    Err(refused(Reason::BeidouSubframeImpossibleTime, detail))
 }
 
 impl Frame {
@@ -148,7 +149,7 @@ fn check_week(satellite: SatelliteId, joined: &Joined, start: GpsTime) -> Result
     }
     let hint = i64::try_from(broadcast).map_or(String::new(), |sent| rollover_hint(sent - expected));
     let detail = format!("{satellite}: week {broadcast}, {expected} expected at {start}{hint}");
-    Err(refused("ephemeris of another week than the recording's", detail))
+    Err(refused(Reason::EphemerisOfOtherWeek, detail))
 }
 
 /// toe and toc as instants.

@@ -6,6 +6,7 @@
 use super::words::{SUBFRAME_BYTES, upright};
 use super::{ReceiverCheck, Refused, refused};
 use crate::formats::bits::{copy, unsigned};
+use crate::skips::Reason;
 
 /// What every subframe begins with, and how many bits that is.
 const PREAMBLE: (u32, u32) = (0x712, 11);
@@ -25,11 +26,11 @@ pub(super) type Data = [u8; 28];
 pub(super) fn data(bytes: &[u8], used: usize, receiver: ReceiverCheck) -> Result<Data, Refused> {
     let Some(bytes) = bytes.first_chunk::<SUBFRAME_BYTES>().filter(|_| bytes.len() == SUBFRAME_BYTES) else {
         let detail = format!("{} bytes, {SUBFRAME_BYTES} expected", bytes.len());
-        return Err(refused("BeiDou subframe of wrong length", detail));
+        return Err(refused(Reason::BeidouSubframeWrongLength, detail));
     };
     let words = upright(bytes, PREAMBLE).ok_or_else(|| {
         refused(
-            "BeiDou subframe without its preamble",
+            Reason::BeidouSubframeWithoutPreamble,
             format!("first bytes {:02x?}", bytes.first_chunk::<4>()),
         )
     })?;
@@ -53,7 +54,7 @@ pub(super) fn data(bytes: &[u8], used: usize, receiver: ReceiverCheck) -> Result
     if taken_apart(sent) {
         return Ok(packed(&sent));
     }
-    Err(refused("BeiDou subframe with wrong check bits", format!("words {words:08x?}")))
+    Err(refused(Reason::BeidouSubframeWrongCheckBits, format!("words {words:08x?}")))
 }
 
 /// Whether the check bits of word `index` (from 0), taken apart, fit.

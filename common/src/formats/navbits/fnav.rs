@@ -7,6 +7,7 @@ use super::{ReceiverCheck, Refused, news, refused};
 use crate::formats::bits::{angle, crc24q_of_bits, number, positive, unsigned};
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, NavigationMessage, sisa_m};
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// Bytes of a page as Android gives it: 238 bits, without synchronisation and tail bits.
@@ -58,7 +59,7 @@ impl FnavAssembler {
 fn checked(bytes: &[u8], receiver: ReceiverCheck) -> Result<Page, Refused> {
     let Ok(page) = Page::try_from(bytes) else {
         let detail = format!("{} bytes, {PAGE_BYTES} expected", bytes.len());
-        return Err(refused("F/NAV page of wrong length", detail));
+        return Err(refused(Reason::FNavPageWrongLength, detail));
     };
     let blanked = crc_of(&page) == 0 && receiver == ReceiverCheck::Passed;
     let inverted = page.map(|byte| !byte);
@@ -68,7 +69,7 @@ fn checked(bytes: &[u8], receiver: ReceiverCheck) -> Result<Page, Refused> {
     [page, inverted]
         .into_iter()
         .find(|page| u64::from(crc24q_of_bits(page, CHECKED)) == crc_of(page))
-        .ok_or_else(|| refused("F/NAV page with wrong CRC", format!("{bytes:02x?}")))
+        .ok_or_else(|| refused(Reason::FNavPageWrongCrc, format!("{bytes:02x?}")))
 }
 
 /// The CRC that was sent.
@@ -85,7 +86,7 @@ impl Pages {
         }
         let named = unsigned(&one, 6, 6);
         if named != u64::from(satellite.number) {
-            return Err(refused("F/NAV pages of another satellite", format!("{satellite}: SVID {named}")));
+            return Err(refused(Reason::FNavPagesOfOtherSatellite, format!("{satellite}: SVID {named}")));
         }
         check_week(satellite, unsigned(&one, 155, 12), now)?;
         let ephemeris = ephemeris(satellite, &[one, two, three, four], now)?;

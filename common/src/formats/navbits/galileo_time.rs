@@ -4,6 +4,7 @@ use super::week::{nearest, rollover_hint};
 use super::{Refused, impossible, refused};
 use crate::gnss::SatelliteId;
 use crate::orbit::check_reference_s;
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// Galileo's week 0 is GPS week 1024.
@@ -24,7 +25,7 @@ pub(super) fn check_week(satellite: SatelliteId, sent: u64, now: GpsTime) -> Res
     let hint = rollover_hint(broadcast - expected);
     let expected = expected.rem_euclid(WEEKS);
     let detail = format!("{satellite}: week {broadcast}, {expected} expected at {now}{hint}");
-    Err(refused("ephemeris of another week than the recording's", detail))
+    Err(refused(Reason::EphemerisOfOtherWeek, detail))
 }
 
 /// Reference time of `minutes` into the week, in the week that brings it nearest to `now`.
@@ -41,5 +42,5 @@ pub(super) fn reference(
         return Ok(time);
     }
     let detail = format!("{satellite}: reference time {tow_s} s of the week, received at {now}");
-    Err(refused("ephemeris with impossible values", detail))
+    Err(refused(Reason::EphemerisImpossible, detail))
 }

@@ -13,6 +13,7 @@ use crate::formats::moscow::{self, MILLIS_PER_DAY};
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{GlonassEphemeris, accuracy_m};
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// Strings in a frame, and those of the ephemeris.
@@ -119,7 +120,7 @@ impl GlonassAssembler {
         let string = GlonassString::read(bytes, label.string, label.receiver).map_err(with_name)?;
         if !(1..=STRINGS).contains(&string.number()) {
             let detail = format!("{name}: {}", string.number());
-            return Err(refused("GLONASS string with impossible number", detail));
+            return Err(refused(Reason::GlonassStringImpossibleNumber, detail));
         }
         let frame = self.satellites.entry(name).or_default();
         frame.put(label.frame, string, clock.now);
@@ -211,12 +212,12 @@ fn slot(name: GlonassName, four: &GlonassString, is_modern: bool) -> Result<u8, 
     let said = u8::try_from(four.field(15, 11)).ok().filter(|slot| is_modern && *slot != 0);
     match (name, said) {
         (GlonassName::Slot(slot), Some(said)) if slot != said => {
-            Err(refused("GLONASS strings of another satellite", format!("slot {said}")))
+            Err(refused(Reason::GlonassStringsOfOtherSatellite, format!("slot {said}")))
         }
         (GlonassName::Slot(slot), _) => Ok(slot),
         (GlonassName::Channel(_), Some(said)) => Ok(said),
         (GlonassName::Channel(_), None) => {
-            Err(refused("GLONASS message of an unknown slot", "n is not in string 4".to_owned()))
+            Err(refused(Reason::GlonassMessageUnknownSlot, "n is not in string 4".to_owned()))
         }
     }
 }
@@ -228,7 +229,7 @@ fn reference(
     is_modern: bool,
     GlonassClock { now, leap_seconds }: GlonassClock,
 ) -> Result<GpsTime, Refused> {
-    let impossible = |detail: String| refused("ephemeris with impossible values", detail);
+    let impossible = |detail: String| refused(Reason::EphemerisImpossible, detail);
     let interval = two.field(76, 70);
     if interval > LAST_INTERVAL {
         return Err(impossible(format!("t_b = {interval}, limit {LAST_INTERVAL}")));
@@ -244,7 +245,7 @@ fn reference(
     let toe = toe.ok_or_else(|| impossible(format!("N_T = {day}, limits 1 to 1461")))?;
     if (toe - now).abs() > MAX_AGE_S {
         let detail = format!("reference time {toe}, received at {now}");
-        return Err(refused("ephemeris of another day than the recording's", detail));
+        return Err(refused(Reason::EphemerisOfOtherDay, detail));
     }
     let sent_s = (one.field(76, 72) * 3_600 + one.field(71, 66) * 60 + one.field(65, 65) * 30) as f64;
     let from_frame_s = millis as f64 / 1e3 - sent_s;

@@ -2,6 +2,7 @@
 
 use super::{ReceiverCheck, Refused, refused};
 use crate::formats::bits::{copy, invert, unsigned};
+use crate::skips::Reason;
 
 /// Bytes of a string as Android gives it.
 pub(super) const STRING_BYTES: usize = 11;
@@ -23,7 +24,7 @@ impl GlonassString {
     pub(super) fn read(bytes: &[u8], number: Option<u8>, receiver: ReceiverCheck) -> Result<Self, Refused> {
         if bytes.len() != STRING_BYTES {
             let detail = format!("{} bytes, {STRING_BYTES} expected", bytes.len());
-            return Err(refused("GLONASS string of wrong length", detail));
+            return Err(refused(Reason::GlonassStringWrongLength, detail));
         }
         let as_called = |string: &Self| number.is_none_or(|number| string.number() == u64::from(number));
         let is_usable = |string: &Self| {
@@ -36,8 +37,8 @@ impl GlonassString {
         };
         usable().find(as_called).ok_or_else(|| {
             let reason = match usable().next() {
-                Some(_) => "GLONASS string that is not the one that its line names",
-                None => "GLONASS string with wrong check bits",
+                Some(_) => Reason::GlonassStringOfOtherNumber,
+                None => Reason::GlonassStringWrongCheckBits,
             };
             refused(reason, format!("{bytes:02x?}, string {number:?}"))
         })

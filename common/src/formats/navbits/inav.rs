@@ -8,6 +8,7 @@ use super::{ReceiverCheck, Refused, news, refused};
 use crate::formats::bits::{angle, number, positive, unsigned};
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, NavigationMessage, sisa_m};
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// Puts I/NAV words 1 to 5 together. One serves all satellites.
@@ -57,7 +58,7 @@ impl Words {
         }
         let named = unsigned(&four, 16, 6);
         if named != u64::from(satellite.number) {
-            return Err(refused("I/NAV words of another satellite", format!("{satellite}: SVID {named}")));
+            return Err(refused(Reason::INavWordsOfOtherSatellite, format!("{satellite}: SVID {named}")));
         }
         check_week(satellite, unsigned(&five, 73, 12), now)?;
         let ephemeris = ephemeris(satellite, &[one, two, three, four, five], now)?;

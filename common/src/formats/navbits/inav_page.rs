@@ -2,6 +2,7 @@
 
 use super::{ReceiverCheck, Refused, refused};
 use crate::formats::bits::{copy, crc24q_of_bits, invert, unsigned};
+use crate::skips::Reason;
 
 /// Bytes of a page as Android gives it: 228 bits, even half first.
 pub(super) const PAGE_BYTES: usize = 29;
@@ -21,17 +22,13 @@ type Page = [u8; PAGE_BYTES];
 pub(super) fn word(bytes: &[u8], receiver: ReceiverCheck) -> Result<Option<Word>, Refused> {
     let Ok(received) = Page::try_from(bytes) else {
         let detail = format!("{} bytes, {PAGE_BYTES} expected", bytes.len());
-        return Err(refused("I/NAV page of wrong length", detail));
+        return Err(refused(Reason::INavPageWrongLength, detail));
     };
     let page = upright(received);
     let sent = unsigned(&page, CHECKED, 24);
     let blanked = sent == 0 && receiver == ReceiverCheck::Passed && page == received;
     if u64::from(crc24q_of_bits(&page, CHECKED)) != sent && !blanked {
-        let reason = if page == received {
-            "I/NAV page with wrong CRC"
-        } else {
-            "I/NAV page whose halves are not even and odd"
-        };
+        let reason = if page == received { Reason::INavPageWrongCrc } else { Reason::INavPageHalvesWrong };
         return Err(refused(reason, format!("{bytes:02x?}")));
     }
     if unsigned(&page, 1, 1) != 0 || unsigned(&page, HALF + 1, 1) != 0 {

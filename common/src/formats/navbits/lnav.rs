@@ -9,6 +9,7 @@ use crate::atmosphere::KlobucharCoefficients;
 use crate::formats::bits::{angle, number, positive, signed, unsigned};
 use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{KeplerEphemeris, NavigationMessage, ura_m};
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// Subframes that are farther apart than this do not belong together even with equal issues of data, s: an issue may come
@@ -81,7 +82,7 @@ impl LnavAssembler {
                 Ok(None)
             }
             5 => Ok(None),
-            _ => Err(refused("LNAV subframe with impossible number", format!("{satellite}: {number}"))),
+            _ => Err(refused(Reason::LnavSubframeImpossibleNumber, format!("{satellite}: {number}"))),
         }
     }
 
@@ -115,7 +116,7 @@ fn sent(data: &Data, satellite: SatelliteId, now: GpsTime) -> Result<GpsTime, Re
     let next = unsigned(data, 24, 17);
     if next >= 100_800 {
         let detail = format!("{satellite}: count {next}, limit 100799");
-        return Err(refused("LNAV subframe with impossible time of week", detail));
+        return Err(refused(Reason::LnavSubframeImpossibleTime, detail));
     }
     Ok(nearest(next as f64 * 6.0 - 6.0, now))
 }
@@ -182,5 +183,5 @@ fn check_week(satellite: SatelliteId, first: &Subframe) -> Result<(), Refused> {
         return Ok(());
     }
     let detail = format!("{satellite}: week {broadcast}, {expected} expected at {}", first.sent);
-    Err(refused("ephemeris of another week than the recording's", detail))
+    Err(refused(Reason::EphemerisOfOtherWeek, detail))
 }

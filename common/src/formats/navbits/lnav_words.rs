@@ -2,6 +2,7 @@
 
 use super::words::{SUBFRAME_BYTES, upright};
 use super::{ReceiverCheck, Refused, refused};
+use crate::skips::Reason;
 
 /// What every subframe begins with, and how many bits that is.
 const PREAMBLE: (u32, u32) = (0x8b, 8);
@@ -45,19 +46,16 @@ pub(super) fn parity(data: u32, d29: u32, d30: u32) -> u32 {
 pub(super) fn data(bytes: &[u8], receiver: ReceiverCheck) -> Result<Data, Refused> {
     let Some(bytes) = bytes.first_chunk::<SUBFRAME_BYTES>().filter(|_| bytes.len() == SUBFRAME_BYTES) else {
         let detail = format!("{} bytes, {SUBFRAME_BYTES} expected", bytes.len());
-        return Err(refused("LNAV subframe of wrong length", detail));
+        return Err(refused(Reason::LnavSubframeWrongLength, detail));
     };
     let words = upright(bytes, PREAMBLE).ok_or_else(|| {
-        refused(
-            "LNAV subframe without its preamble",
-            format!("first bytes {:02x?}", bytes.first_chunk::<4>()),
-        )
+        refused(Reason::LnavSubframeWithoutPreamble, format!("first bytes {:02x?}", bytes.first_chunk::<4>()))
     })?;
     [as_sent(&words), as_meant(&words), blanked(&words, receiver)]
         .into_iter()
         .flatten()
         .next()
-        .ok_or_else(|| refused("LNAV subframe with wrong parity", format!("words {words:08x?}")))
+        .ok_or_else(|| refused(Reason::LnavSubframeWrongParity, format!("words {words:08x?}")))
 }
 
 /// Data bits as sent. The first word follows one that ended in two zeros, which the message makes so.

@@ -27,13 +27,14 @@ pub use lnav::{LnavAssembler, LnavSystem};
 
 use crate::gnss::SatelliteId;
 use crate::orbit::{Implausible, KeplerEphemeris, check_reference_s};
+use crate::skips::Reason;
 
 /// Why a piece of a message, or the ephemeris that it completes, is not used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}: {detail}")]
 pub struct Refused {
     /// The reason, to count under.
-    pub reason: &'static str,
+    pub reason: Reason,
     /// The facts.
     pub detail: String,
 }
@@ -47,13 +48,13 @@ pub enum ReceiverCheck {
     Unknown,
 }
 
-const fn refused(reason: &'static str, detail: String) -> Refused {
+const fn refused(reason: Reason, detail: String) -> Refused {
     Refused { reason, detail }
 }
 
 /// An ephemeris with a value that no satellite broadcasts.
 fn impossible(satellite: SatelliteId, value: &Implausible) -> Refused {
-    refused("ephemeris with impossible values", format!("{satellite}: {value}"))
+    refused(Reason::EphemerisImpossible, format!("{satellite}: {value}"))
 }
 
 /// Refuses reference times that are in no week.

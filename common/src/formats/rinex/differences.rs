@@ -1,13 +1,11 @@
 //! Values and text as differences to the ones before (Hatanaka 2008).
 
+use crate::skips::Reason;
+
 /// Highest order of differences that is read; writers use three.
 const MAX_ORDER: usize = 9;
 /// Numbers as F14.3 holds them, in thousandths.
 const BOUNDS: (i64, i64) = (-999_999_999_999, 9_999_999_999_999);
-
-/// Why a value cannot be restored.
-const UNREADABLE: &str = "Hatanaka value cannot be read, its arc is lost";
-const NO_ARC: &str = "Hatanaka difference without a beginning";
 
 /// One type of value of one satellite in time: differences of order 0 (the value itself) upwards.
 #[derive(Clone, Copy, Debug, Default)]
@@ -23,7 +21,7 @@ impl Arc {
     ///
     /// # Errors
     /// The reason, when the value cannot be restored; the arc is over then.
-    pub(super) fn restore(&mut self, field: &[u8]) -> Result<Option<i64>, &'static str> {
+    pub(super) fn restore(&mut self, field: &[u8]) -> Result<Option<i64>, Reason> {
         if field.is_empty() {
             self.known = 0;
             return Ok(None);
@@ -35,7 +33,7 @@ impl Arc {
         value.map(Some)
     }
 
-    fn next(&mut self, field: &[u8]) -> Result<i64, &'static str> {
+    fn next(&mut self, field: &[u8]) -> Result<i64, Reason> {
         if let [order @ b'0'..=b'9', b'&', first @ ..] = field {
             let value = number(first)?;
             *self = Self { order: usize::from(order - b'0'), known: 1, ..Self::default() };
@@ -44,13 +42,17 @@ impl Arc {
         }
         let difference = number(field)?;
         if self.known == 0 {
-            return Err(NO_ARC);
+            return Err(Reason::HatanakaDifferenceWithoutArc);
         }
         // The highest difference is in the file; each lower one grows by the next higher.
         let highest = self.known.min(self.order);
         let mut sum = 0_i64;
         for (index, slot) in self.differences.iter_mut().enumerate().take(highest + 1).rev() {
-            sum = if index == highest { difference } else { slot.checked_add(sum).ok_or(UNREADABLE)? };
+            sum = if index == highest {
+                difference
+            } else {
+                slot.checked_add(sum).ok_or(Reason::HatanakaValueUnreadable)?
+            };
             *slot = sum;
         }
         self.known = (self.known + 1).min(self.order.max(1));
@@ -58,17 +60,17 @@ impl Arc {
     }
 }
 
-fn within(value: i64) -> Result<i64, &'static str> {
+fn within(value: i64) -> Result<i64, Reason> {
     let (low, high) = BOUNDS;
-    if (low..=high).contains(&value) { Ok(value) } else { Err(UNREADABLE) }
+    if (low..=high).contains(&value) { Ok(value) } else { Err(Reason::HatanakaValueUnreadable) }
 }
 
-fn number(field: &[u8]) -> Result<i64, &'static str> {
+fn number(field: &[u8]) -> Result<i64, Reason> {
     let digits = field.strip_prefix(b"-").unwrap_or(field);
     if digits.is_empty() || !digits.iter().all(u8::is_ascii_digit) {
-        return Err(UNREADABLE);
+        return Err(Reason::HatanakaValueUnreadable);
     }
-    std::str::from_utf8(field).ok().and_then(|text| text.parse().ok()).ok_or(UNREADABLE)
+    std::str::from_utf8(field).ok().and_then(|text| text.parse().ok()).ok_or(Reason::HatanakaValueUnreadable)
 }
 
 /// Applies a difference of text: a blank keeps what was there, `&` makes a blank, anything else replaces.
@@ -88,6 +90,7 @@ pub(super) fn change_text(text: &mut Vec<u8>, difference: &[u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::skips::Reason;
 
     #[test]
     fn third_differences_restore_cubes() {
@@ -111,16 +114,16 @@ mod tests {
     #[test]
     fn an_arc_ends_with_a_gap_and_with_damage() {
         let mut arc = Arc::default();
-        assert_eq!(arc.restore(b"5"), Err(NO_ARC));
+        assert_eq!(arc.restore(b"5"), Err(Reason::HatanakaDifferenceWithoutArc));
         assert_eq!(arc.restore(b"3&10"), Ok(Some(10)));
         assert_eq!(arc.restore(b""), Ok(None));
-        assert_eq!(arc.restore(b"5"), Err(NO_ARC));
+        assert_eq!(arc.restore(b"5"), Err(Reason::HatanakaDifferenceWithoutArc));
         assert_eq!(arc.restore(b"3&10"), Ok(Some(10)));
-        assert_eq!(arc.restore(b"1x"), Err(UNREADABLE));
-        assert_eq!(arc.restore(b"5"), Err(NO_ARC));
-        assert_eq!(arc.restore(b"3&9223372036854775807"), Err(UNREADABLE));
+        assert_eq!(arc.restore(b"1x"), Err(Reason::HatanakaValueUnreadable));
+        assert_eq!(arc.restore(b"5"), Err(Reason::HatanakaDifferenceWithoutArc));
+        assert_eq!(arc.restore(b"3&9223372036854775807"), Err(Reason::HatanakaValueUnreadable));
         assert_eq!(arc.restore(b"3&1"), Ok(Some(1)));
-        assert_eq!(arc.restore(b"9223372036854775807"), Err(UNREADABLE));
+        assert_eq!(arc.restore(b"9223372036854775807"), Err(Reason::HatanakaValueUnreadable));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::navigation_record::{Fault, Record};
 use crate::frames::{Ecef, EcefVector};
 use crate::orbit::{GlonassEphemeris, accuracy_m, within};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 use crate::time::leap_seconds_by;
 
@@ -30,7 +30,7 @@ pub(super) fn glonass_ephemeris(
     };
     let health = small(record, 6);
     if health.is_none() {
-        skips.add("GLONASS health unknown, record kept", || {
+        skips.add(Reason::GlonassHealthUnknown, || {
             format!("line {}: {} {toe}", record.line, record.satellite)
         });
     }

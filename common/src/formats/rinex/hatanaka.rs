@@ -13,7 +13,7 @@ use super::pending::is_comment;
 use super::{epoch_2, epoch_3};
 use crate::formats::decimal::integer;
 use crate::formats::text::{columns, shorten};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 /// Satellites in one RINEX 2 epoch line.
 const LISTED_PER_LINE: usize = 12;
@@ -120,7 +120,7 @@ impl Hatanaka {
             }
             // Version 3 reserves lines that begin with this.
             Expected::Epoch if self.form == Form::Three && line.first() == Some(&b'&') => {
-                skips.add("Hatanaka escape line", || format!("line {number}: '{}'", shorten(line)));
+                skips.add(Reason::HatanakaEscapeLine, || format!("line {number}: '{}'", shorten(line)));
             }
             Expected::Epoch => self.epoch((number, line), types, out, skips),
             _ if restarts => self.epoch((number, line), types, out, skips),
@@ -136,9 +136,7 @@ impl Hatanaka {
                 self.expected = self.satellite_after(Some(index));
             }
             Expected::Event(_) | Expected::Restart => {
-                skips.add("Hatanaka line in a part that cannot be restored", || {
-                    format!("line {number}: '{}'", shorten(line))
-                });
+                skips.add(Reason::HatanakaLineNotRestored, || format!("line {number}: '{}'", shorten(line)));
             }
         }
     }
@@ -197,10 +195,9 @@ impl Hatanaka {
                 self.expected = if count > 0 { Expected::Event(count) } else { Expected::Epoch };
             }
             _ => {
-                skips.add(
-                    "Hatanaka epoch line cannot be read, nothing restored until the next full one",
-                    || format!("line {number}: '{}'", shorten(line)),
-                );
+                skips.add(Reason::HatanakaEpochLineUnreadable, || {
+                    format!("line {number}: '{}'", shorten(line))
+                });
                 self.epoch.clear();
                 self.expected = Expected::Restart;
             }

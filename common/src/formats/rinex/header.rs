@@ -14,6 +14,7 @@ use crate::formats::text::{columns, shorten, text};
 use crate::formats::time_system::TimeSystem;
 use crate::frames::Ecef;
 use crate::gnss::{Constellation, SatelliteId};
+use crate::skips::Reason;
 use crate::time::{Calendar, GpsTime, corrected_leap_seconds, leap_seconds_by};
 
 /// Header of an observation file.
@@ -67,7 +68,7 @@ pub(super) struct HeaderBuilder {
     scaled: Option<Scaled>,
     first_observation_own: Option<GpsTime>,
     /// What is to be said about the header: reason and facts.
-    remarks: Vec<(&'static str, String)>,
+    remarks: Vec<(Reason, String)>,
 }
 
 /// A scale factor whose list of types is not complete yet.
@@ -89,7 +90,7 @@ impl HeaderBuilder {
     }
 
     /// What is to be said about the header: reason and facts.
-    pub(super) fn take_remarks(&mut self) -> Vec<(&'static str, String)> {
+    pub(super) fn take_remarks(&mut self) -> Vec<(Reason, String)> {
         std::mem::take(&mut self.remarks)
     }
 
@@ -190,7 +191,7 @@ impl HeaderBuilder {
                 self.header.time_system = text(columns(line, 46, 60));
                 // Only the time system is needed.
                 if self.first_observation_own.is_none() {
-                    let reason = "header's time of the first observation cannot be read, not used";
+                    let reason = Reason::HeaderFirstTimeUnreadable;
                     self.remarks.push((reason, shorten(line)));
                 }
             }
@@ -229,7 +230,7 @@ impl HeaderBuilder {
         };
         if let Some(known) = corrected_leap_seconds(stated, first) {
             let facts = format!("{stated} s, but {known} s held at {first}");
-            self.remarks.push((leap_seconds::WRONG_IN_HEADER, facts));
+            self.remarks.push((Reason::HeaderLeapSecondsWrong, facts));
             self.header.leap_seconds = Some(known);
         }
     }

@@ -3,9 +3,6 @@
 use crate::formats::decimal::integer;
 use crate::formats::text::columns;
 
-/// Reason to count a number under that a header states and that cannot be.
-pub(super) const WRONG_IN_HEADER: &str = "header's leap seconds are not those of the date, which are used";
-
 /// Reads a LEAP SECONDS line as seconds that GPS time is ahead of UTC. The line may count them for BeiDou time instead.
 pub(super) fn header_line(line: &[u8]) -> Option<i64> {
     let seconds = integer(columns(line, 0, 6)).filter(|s| (0..=100).contains(s))?;

@@ -1,18 +1,13 @@
 //! What an observation code means by the version of its file.
 
 use super::types::{ObservationKind, ObservationType};
-use crate::gnss::{Constellation, NO_SUCH_SIGNAL, SignalCode};
+use crate::gnss::{Constellation, SignalCode};
+use crate::skips::Reason;
 
 /// RINEX 3.02, which named BeiDou's B1I as band 1; before and after it is band 2 (RINEX 3.05, table 9, note).
 const B1I_ON_BAND_1: u16 = 302;
 /// RINEX 3.04, which gave BeiDou's band 1 to B1C.
 const B1C_ON_BAND_1: u16 = 304;
-
-const NEWER: &str = "observation code newer than the file's RINEX version, taken as later versions mean it";
-const MISNAMED_B1I: &str = "BeiDou code of band 1 that can be B1I alone in this RINEX version, taken for it";
-const UNCLEAR_BAND_1: &str =
-    "BeiDou code of band 1 that is no B1C before RINEX 3.04, nor B1I beside band 2, not used";
-const CODELESS_RANGE: &str = "pseudorange of codeless tracking, which has none, not used";
 
 /// What a code means.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,9 +23,9 @@ pub(super) enum Remark {
     /// There is nothing to say.
     None,
     /// It is taken for the signal, for this reason.
-    Taken(&'static str),
+    Taken(Reason),
     /// It cannot be, for this reason.
-    Refused(&'static str),
+    Refused(Reason),
 }
 
 /// The meaning of a code among all of its system's. RINEX 2 has names of its own, which are settled before.
@@ -49,11 +44,11 @@ pub(super) fn meaning(
         return b1i(signal, version, all);
     }
     as_written(match signal.since(constellation) {
-        None => Remark::Refused(NO_SUCH_SIGNAL),
+        None => Remark::Refused(Reason::SignalNotOfSystem),
         Some(_) if observed.kind == ObservationKind::Pseudorange && !signal.has_pseudorange() => {
-            Remark::Refused(CODELESS_RANGE)
+            Remark::Refused(Reason::PseudorangeOfCodelessTracking)
         }
-        Some(since) if since > version => Remark::Taken(NEWER),
+        Some(since) if since > version => Remark::Taken(Reason::ObservationCodeNewerThanFile),
         Some(_) => Remark::None,
     })
 }
@@ -70,9 +65,10 @@ fn may_be_b1i(signal: SignalCode, version: u16) -> bool {
 fn b1i(signal: SignalCode, version: u16, all: &[ObservationType]) -> Meaning {
     let has_band_2 = all.iter().any(|o| o.kind != ObservationKind::Other && o.signal.band == b'2');
     if has_band_2 {
-        return Meaning { signal, remark: Remark::Refused(UNCLEAR_BAND_1) };
+        return Meaning { signal, remark: Remark::Refused(Reason::BeidouBand1Unclear) };
     }
-    let remark = if version == B1I_ON_BAND_1 { Remark::None } else { Remark::Taken(MISNAMED_B1I) };
+    let remark =
+        if version == B1I_ON_BAND_1 { Remark::None } else { Remark::Taken(Reason::BeidouBand1TakenForB1i) };
     Meaning { signal: SignalCode::new(b'2', signal.attribute), remark }
 }
 
@@ -98,35 +94,35 @@ mod tests {
             ("C1Q", 302, "2Q", None),
             ("C1X", 302, "2X", None),
             ("C1", 302, "2 ", None),
-            ("C1I", 300, "2I", Taken(MISNAMED_B1I)),
-            ("C1I", 303, "2I", Taken(MISNAMED_B1I)),
-            ("L1I", 304, "2I", Taken(MISNAMED_B1I)),
-            ("C1I", 402, "2I", Taken(MISNAMED_B1I)),
-            ("C1X", 301, "2X", Taken(MISNAMED_B1I)),
-            ("C1X", 303, "2X", Taken(MISNAMED_B1I)),
-            ("C1", 303, "2 ", Taken(MISNAMED_B1I)),
+            ("C1I", 300, "2I", Taken(Reason::BeidouBand1TakenForB1i)),
+            ("C1I", 303, "2I", Taken(Reason::BeidouBand1TakenForB1i)),
+            ("L1I", 304, "2I", Taken(Reason::BeidouBand1TakenForB1i)),
+            ("C1I", 402, "2I", Taken(Reason::BeidouBand1TakenForB1i)),
+            ("C1X", 301, "2X", Taken(Reason::BeidouBand1TakenForB1i)),
+            ("C1X", 303, "2X", Taken(Reason::BeidouBand1TakenForB1i)),
+            ("C1", 303, "2 ", Taken(Reason::BeidouBand1TakenForB1i)),
             // B1C came with 3.04.
             ("C1X", 304, "1X", None),
             ("C1P", 304, "1P", None),
             ("C1D", 401, "1D", None),
             ("C1", 304, "1 ", None),
-            ("C1P", 303, "1P", Taken(NEWER)),
-            ("C1D", 302, "1D", Taken(NEWER)),
+            ("C1P", 303, "1P", Taken(Reason::ObservationCodeNewerThanFile)),
+            ("C1D", 302, "1D", Taken(Reason::ObservationCodeNewerThanFile)),
             // B1I is there already, so that it cannot be this.
-            ("C1X C2I", 303, "1X", Refused(UNCLEAR_BAND_1)),
-            ("C1X L2I", 302, "1X", Refused(UNCLEAR_BAND_1)),
-            ("C1I C2I", 304, "1I", Refused(UNCLEAR_BAND_1)),
+            ("C1X C2I", 303, "1X", Refused(Reason::BeidouBand1Unclear)),
+            ("C1X L2I", 302, "1X", Refused(Reason::BeidouBand1Unclear)),
+            ("C1I C2I", 304, "1I", Refused(Reason::BeidouBand1Unclear)),
             ("C1X C2I", 304, "1X", None),
             // B1A.
             ("C1A", 304, "1A", None),
             ("C1S", 305, "1S", None),
-            ("C1Z", 304, "1Z", Taken(NEWER)),
+            ("C1Z", 304, "1Z", Taken(Reason::ObservationCodeNewerThanFile)),
             // No signal of BeiDou.
-            ("C1C", 300, "1C", Refused(NO_SUCH_SIGNAL)),
-            ("C1C", 302, "1C", Refused(NO_SUCH_SIGNAL)),
-            ("L1C", 304, "1C", Refused(NO_SUCH_SIGNAL)),
-            ("C1C", 402, "1C", Refused(NO_SUCH_SIGNAL)),
-            ("C1W", 304, "1W", Refused(NO_SUCH_SIGNAL)),
+            ("C1C", 300, "1C", Refused(Reason::SignalNotOfSystem)),
+            ("C1C", 302, "1C", Refused(Reason::SignalNotOfSystem)),
+            ("L1C", 304, "1C", Refused(Reason::SignalNotOfSystem)),
+            ("C1C", 402, "1C", Refused(Reason::SignalNotOfSystem)),
+            ("C1W", 304, "1W", Refused(Reason::SignalNotOfSystem)),
         ] {
             assert_eq!(
                 first(codes, Constellation::Beidou, version),
@@ -152,8 +148,8 @@ mod tests {
                     }
                     let (signal, remark) = first(&format!("S{code}"), constellation, version);
                     let expected = match code.since(constellation) {
-                        None => Remark::Refused(NO_SUCH_SIGNAL),
-                        Some(since) if since > version => Remark::Taken(NEWER),
+                        None => Remark::Refused(Reason::SignalNotOfSystem),
+                        Some(since) if since > version => Remark::Taken(Reason::ObservationCodeNewerThanFile),
                         Some(_) => Remark::None,
                     };
                     assert_eq!((signal, remark), (code.to_string(), expected), "{letter} {version}");
@@ -167,7 +163,10 @@ mod tests {
         assert_eq!(first("X1", Constellation::Galileo, 304), ("1 ".to_owned(), Remark::None));
         assert_eq!(first("I3", Constellation::Gps, 304), ("3 ".to_owned(), Remark::None));
         assert_eq!(first("L1N", Constellation::Gps, 304), ("1N".to_owned(), Remark::None));
-        assert_eq!(first("C1N", Constellation::Gps, 304), ("1N".to_owned(), Remark::Refused(CODELESS_RANGE)));
+        assert_eq!(
+            first("C1N", Constellation::Gps, 304),
+            ("1N".to_owned(), Remark::Refused(Reason::PseudorangeOfCodelessTracking))
+        );
         // Names of RINEX 2 have been settled before.
         assert_eq!(first("C1C", Constellation::Beidou, 211), ("1C".to_owned(), Remark::None));
         assert_eq!(first("c1c", Constellation::Gps, 304), ("1C".to_owned(), Remark::None));

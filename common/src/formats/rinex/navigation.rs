@@ -7,6 +7,7 @@ use super::navigation_decoder::{Found, NavigationDecoder};
 use crate::formats::packing::decompress;
 use crate::gnss::Constellation;
 use crate::orbit::NavigationFile;
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 impl NavigationFile {
@@ -50,7 +51,7 @@ impl NavigationFile {
         let of_all = latest.values().map(|(last, _)| *last).max();
         for (constellation, (last, count)) in &latest {
             if let Some(weeks) = of_all.and_then(|of_all| last.rollover_weeks_to(of_all)) {
-                self.skips.add("system whose weeks were not rolled over, as it seems; used as it is", || {
+                self.skips.add(Reason::WeeksNotRolledOver, || {
                     let letter = constellation.letter();
                     format!("{count} records of {letter} up to {last}; {weeks} weeks later they would fit the others")
                 });

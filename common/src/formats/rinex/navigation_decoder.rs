@@ -1,15 +1,15 @@
 //! Navigation files line by line.
 
+use super::RinexError;
 use super::glonass_record::glonass_ephemeris;
 use super::navigation_header::NavigationHeader;
 use super::navigation_record::{Fault, Record, ephemeris};
 use super::stream::Stream;
-use super::{RinexError, leap_seconds};
 use crate::formats::lines::Line;
 use crate::formats::text::{columns, is_blank, shorten, trim_end, without_mark};
 use crate::gnss::Constellation;
 use crate::orbit::{GlonassEphemeris, IonosphereTerms, KeplerEphemeris};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{GpsTime, corrected_leap_seconds};
 
 /// Decodes a navigation file (RINEX 2, 3, 4) from bytes in any portions, by [`crate::formats::decode::Decoder`].
@@ -38,7 +38,7 @@ enum Kind {
         message: Vec<u8>,
     },
     /// Counted under this reason.
-    Unused(&'static str),
+    Unused(Reason),
 }
 
 /// An ephemeris that a line completed.
@@ -90,7 +90,7 @@ impl NavigationDecoder {
                 None if matches!(self.kind, Kind::Unused(_)) => {}
                 None => self
                     .skips
-                    .add("line outside any record", || format!("line {number}: '{}'", shorten(line))),
+                    .add(Reason::LineOutsideAnyRecord, || format!("line {number}: '{}'", shorten(line))),
             }
             return Ok(None);
         }
@@ -101,17 +101,15 @@ impl NavigationDecoder {
 
     /// A file that is joined to the one before has a header of its own.
     fn begin_again(&mut self, number: u64, line: &[u8]) {
-        self.skips.add("another header, which holds from there on", || {
-            format!("line {number}: '{}'", shorten(line))
-        });
+        self.skips.add(Reason::AnotherHeaderHolds, || format!("line {number}: '{}'", shorten(line)));
         match self.header.begin_again(number, line) {
             Ok(()) => {
                 self.in_records = false;
                 self.kind = Kind::Ephemeris;
             }
             Err(error) => {
-                self.skips.add("another header cannot be used, nor what follows it", || error.to_string());
-                self.kind = Kind::Unused("record after a header that cannot be used");
+                self.skips.add(Reason::AnotherHeaderUnusable, || error.to_string());
+                self.kind = Kind::Unused(Reason::RecordAfterUnusableHeader);
             }
         }
     }
@@ -153,8 +151,7 @@ impl NavigationDecoder {
             Kind::Ephemeris => Record::begin(number, line),
         };
         if self.record.is_none() {
-            self.skips
-                .add("record without satellite or epoch", || format!("line {number}: '{}'", shorten(line)));
+            self.skips.add(Reason::RecordWithoutSatellite, || format!("line {number}: '{}'", shorten(line)));
         }
     }
 
@@ -164,13 +161,13 @@ impl NavigationDecoder {
         if let Kind::Ionosphere { system, message } = &self.kind {
             if !self.header.ionosphere_record(*system, message, &record) {
                 let message = String::from_utf8_lossy(message).into_owned();
-                self.skips.add("ionosphere record that is not used", || format!("line {line}: {message}"));
+                self.skips.add(Reason::IonosphereRecordNotUsed, || format!("line {line}: {message}"));
             }
             return None;
         }
         let reason = match satellite.constellation {
-            Constellation::Sbas => "SBAS record (not supported)",
-            Constellation::Navic => "NavIC record (not supported)",
+            Constellation::Sbas => Reason::SbasRecord,
+            Constellation::Navic => Reason::NavicRecord,
             _ => match self.ephemeris(&record) {
                 Ok(found) => return Some(found),
                 Err(fault) => {
@@ -196,7 +193,7 @@ impl NavigationDecoder {
     fn check_leap_seconds(&mut self, record: &Record) {
         let (Some(stated), Ok(epoch)) = (self.header.leap_seconds, record.own_epoch()) else { return };
         if let Some(known) = corrected_leap_seconds(stated, epoch) {
-            self.skips.add(leap_seconds::WRONG_IN_HEADER, || {
+            self.skips.add(Reason::HeaderLeapSecondsWrong, || {
                 format!("line {}: {stated} s, but {known} s held at {epoch}", record.line)
             });
             self.header.leap_seconds = Some(known);
@@ -213,16 +210,16 @@ fn type_line(line: &[u8]) -> Kind {
         (b"EPH", b"LNAV" | b"INAV" | b"FNAV" | b"D1" | b"D2" | b"D1D2" | b"FDMA" | b"SBAS") => {
             Kind::Ephemeris
         }
-        (b"EPH", b"CNAV") => Kind::Unused("CNAV ephemeris (not supported)"),
-        (b"EPH", b"CNV1") => Kind::Unused("CNAV-1 ephemeris (not supported)"),
-        (b"EPH", b"CNV2") => Kind::Unused("CNAV-2 ephemeris (not supported)"),
-        (b"EPH", b"CNV3") => Kind::Unused("CNAV-3 ephemeris (not supported)"),
-        (b"EPH", _) => Kind::Unused("ephemeris of another message type (not supported)"),
+        (b"EPH", b"CNAV") => Kind::Unused(Reason::CnavEphemeris),
+        (b"EPH", b"CNV1") => Kind::Unused(Reason::Cnav1Ephemeris),
+        (b"EPH", b"CNV2") => Kind::Unused(Reason::Cnav2Ephemeris),
+        (b"EPH", b"CNV3") => Kind::Unused(Reason::Cnav3Ephemeris),
+        (b"EPH", _) => Kind::Unused(Reason::EphemerisOfOtherMessageType),
         (b"ION", _) => {
             Kind::Ionosphere { system: source.first().copied().unwrap_or(b' '), message: message.to_vec() }
         }
-        (b"STO", _) => Kind::Unused("system time offset record (not used)"),
-        (b"EOP", _) => Kind::Unused("Earth orientation record (not used)"),
-        _ => Kind::Unused("record of an unknown type"),
+        (b"STO", _) => Kind::Unused(Reason::SystemTimeOffsetRecord),
+        (b"EOP", _) => Kind::Unused(Reason::EarthOrientationRecord),
+        _ => Kind::Unused(Reason::RecordOfUnknownType),
     }
 }

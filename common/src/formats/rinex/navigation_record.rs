@@ -7,7 +7,7 @@ use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{
     Implausible, KeplerEphemeris, NavigationMessage, UNKNOWN_ACCURACY_M, check_reference_s, within,
 };
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{
     BEIDOU_BEHIND_GPS_S, BEIDOU_WEEK_OFFSET, Calendar, GpsTime, SECONDS_PER_WEEK, WEEKS_PER_ROLLOVER,
 };
@@ -35,21 +35,18 @@ pub(super) struct Record {
     filled: usize,
 }
 
-/// What a record is counted under whose values no satellite broadcasts, or that contradict each other.
-const IMPOSSIBLE: &str = "record with impossible values";
-
 /// Why a record gives no ephemeris.
 #[derive(Clone, Debug)]
 pub(super) struct Fault {
     /// Reason to count under.
-    pub(super) reason: &'static str,
+    pub(super) reason: Reason,
     /// The value and the limit.
     pub(super) detail: String,
 }
 
 impl Fault {
     const fn impossible(detail: String) -> Self {
-        Self { reason: IMPOSSIBLE, detail }
+        Self { reason: Reason::RecordImpossible, detail }
     }
 }
 
@@ -139,7 +136,7 @@ impl Record {
     /// A number that must be there.
     pub(super) fn number(&self, index: usize, name: &'static str) -> Result<f64, Fault> {
         self.value(index).ok_or_else(|| Fault {
-            reason: "record with missing or unreadable values",
+            reason: Reason::RecordUnreadable,
             detail: format!("{name} is missing or not a number"),
         })
     }
@@ -216,10 +213,7 @@ fn galileo_message(record: &Record) -> Result<NavigationMessage, Fault> {
     match (bits & 0b101 != 0, bits & 0b010 != 0, bits >> 8) {
         (true, false, _) | (true, true, 0b10) => Ok(NavigationMessage::GalileoInav),
         (false, true, _) | (true, true, 0b01) => Ok(NavigationMessage::GalileoFnav),
-        _ => Err(Fault {
-            reason: "Galileo record of unclear message type",
-            detail: format!("data sources {bits:#b}"),
-        }),
+        _ => Err(Fault { reason: Reason::GalileoRecordUnclear, detail: format!("data sources {bits:#b}") }),
     }
 }
 
@@ -260,7 +254,7 @@ fn check_week(record: &Record, toe: GpsTime, skips: &mut Skips) -> Result<(), Fa
     }
     // The other way to count is 1356 weeks off, which no mistake of another kind comes near.
     if is_beidou && fits(week) {
-        skips.add("BeiDou record whose week counts from 1980, used", || {
+        skips.add(Reason::BeidouWeekFrom1980, || {
             format!("line {}: {} week {week} at {toe}", record.line, record.satellite)
         });
         return Ok(());

@@ -12,7 +12,7 @@ use crate::formats::decode::Record;
 use crate::formats::lines::Line;
 use crate::formats::text::{is_blank, lines, shorten, trim_end, without_mark};
 use crate::formats::time_order::TimeOrder;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 /// Room set aside for an epoch's observations is at most this: one that lies about its size must not cost the others.
 const MOST_ROOM: usize = 512;
@@ -93,9 +93,7 @@ impl ObservationDecoder {
     /// A file that is joined to the one before has a header of its own, which holds from there on.
     fn begin_again(&mut self, number: u64, line: &[u8], take: Take<'_>) {
         self.cut_short(take);
-        self.skips.add("another header, which holds from there on", || {
-            format!("line {number}: '{}'", shorten(line))
-        });
+        self.skips.add(Reason::AnotherHeaderHolds, || format!("line {number}: '{}'", shorten(line)));
         self.builder = std::mem::take(&mut self.builder).again();
         self.hatanaka = None;
         self.state = State::Header;
@@ -139,7 +137,8 @@ impl ObservationDecoder {
             if in_event {
                 self.record(number, line, take);
             } else {
-                self.skips.add("comment outside any event", || format!("line {number}: '{}'", shorten(line)));
+                self.skips
+                    .add(Reason::CommentOutsideAnyEvent, || format!("line {number}: '{}'", shorten(line)));
             }
         } else if self.is_epoch_line(line, in_event) {
             self.cut_short(take);
@@ -154,7 +153,7 @@ impl ObservationDecoder {
     fn line_of_header(&mut self, number: u64, line: &[u8]) -> Result<(), RinexError> {
         match self.take_line_of_header(number, line) {
             Err(error) if self.builder.first().is_some() => {
-                self.skips.add("another header cannot be used, nor what follows it", || error.to_string());
+                self.skips.add(Reason::AnotherHeaderUnusable, || error.to_string());
                 self.state = State::Lost;
                 Ok(())
             }
@@ -182,14 +181,14 @@ impl ObservationDecoder {
     pub fn finish(&mut self, take: Take<'_>) -> Result<(), RinexError> {
         match std::mem::replace(&mut self.state, State::Between) {
             State::Header if self.builder.first().is_some() => {
-                self.skips.add("another header is cut off", || format!("{} lines", self.builder.lines()));
+                self.skips.add(Reason::AnotherHeaderCutOff, || format!("{} lines", self.builder.lines()));
             }
             State::Header => {
                 self.state = State::Header;
                 return Err(RinexError::HeaderIncomplete { lines: self.builder.lines() });
             }
-            State::Epoch(pending) => self.skips.add("last epoch is cut off", || pending.shortage()),
-            State::Event(pending) => self.skips.add("last event is cut off", || pending.shortage()),
+            State::Epoch(pending) => self.skips.add(Reason::LastEpochCutOff, || pending.shortage()),
+            State::Event(pending) => self.skips.add(Reason::LastEventCutOff, || pending.shortage()),
             State::Between | State::Skip(_) | State::Lost => {}
         }
         self.order.finish(self.builder.stated_beginning(), &mut self.skips, take);

@@ -9,10 +9,10 @@ use super::types::ObservationKind;
 use crate::formats::decimal::{Thousandths, thousandths};
 use crate::formats::text::{columns, shorten};
 use crate::gnss::{
-    CN0_BOUNDS_DBHZ, DOPPLER_TOO_LARGE, LossOfLock, MAX_DOPPLER_HZ, Misnamed, Observation,
-    PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode,
+    CN0_BOUNDS_DBHZ, LossOfLock, MAX_DOPPLER_HZ, Misnamed, Observation, PSEUDORANGE_BOUNDS_M, SatelliteId,
+    SignalCode,
 };
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 const SYSTEMS: usize = 7;
 /// BeiDou has a layout for each of its generations: the other one comes after those of the systems.
@@ -31,7 +31,7 @@ struct Column {
 struct Signal {
     code: SignalCode,
     /// Why its observations are not used.
-    refused: Option<&'static str>,
+    refused: Option<Reason>,
 }
 
 /// Columns of the satellites of one system (and generation), settled once per header.
@@ -48,7 +48,7 @@ struct Layout {
 pub(super) struct Layouts {
     layouts: [Layout; LAYOUTS],
     /// Codes that are taken for what their version does not call so, with the reason.
-    taken: Vec<(&'static str, String)>,
+    taken: Vec<(Reason, String)>,
 }
 
 /// What was seen of an epoch so far.
@@ -123,7 +123,7 @@ impl Layouts {
     pub(super) fn count_taken(&self, before: &Self, skips: &mut Skips) {
         if self.taken != before.taken {
             for (reason, description) in &self.taken {
-                skips.add(reason, || description.clone());
+                skips.add(*reason, || description.clone());
             }
         }
     }
@@ -136,7 +136,7 @@ impl Layouts {
         skips: &mut Skips,
     ) {
         let Some((id, values)) = line.split_first_chunk::<3>() else {
-            skips.add("satellite line too short", || format!("line {number}: '{}'", shorten(line)));
+            skips.add(Reason::SatelliteLineTooShort, || format!("line {number}: '{}'", shorten(line)));
             return;
         };
         self.decode_values(number, *id, values, into, skips);
@@ -152,18 +152,16 @@ impl Layouts {
         skips: &mut Skips,
     ) {
         let Some(satellite) = SatelliteId::from_bytes(id) else {
-            skips.add("unknown satellite", || format!("line {number}: '{}'", shorten(&id)));
+            skips.add(Reason::UnknownSatellite, || format!("line {number}: '{}'", shorten(&id)));
             return;
         };
         let layout = self.layouts.get(index_of(satellite));
         let Some(layout) = layout.filter(|layout| !layout.columns.is_empty()) else {
-            skips.add("satellite of a system without observation types", || {
-                format!("line {number}: {satellite}")
-            });
+            skips.add(Reason::SystemWithoutObservationTypes, || format!("line {number}: {satellite}"));
             return;
         };
         if !seen.mark(satellite) {
-            skips.add("satellite twice in one epoch", || format!("line {number}: {satellite}"));
+            skips.add(Reason::SatelliteTwice, || format!("line {number}: {satellite}"));
             return;
         }
         let base = observations.len();
@@ -217,7 +215,7 @@ impl Record<'_> {
                 // RINEX: a missing observation is blank or zero.
                 Thousandths::Blank | Thousandths::Value(0) => {}
                 Thousandths::Value(value) => self.store(column, value as f64 / column.divisor, slot),
-                Thousandths::Bad => self.bad(column, slot, "value is not F14.3", &shorten(field)),
+                Thousandths::Bad => self.bad(column, slot, Reason::ValueNotF14, &shorten(field)),
             }
             if column.kind == ObservationKind::CarrierPhase {
                 self.loss_of_lock(field.get(14), slot);
@@ -226,7 +224,7 @@ impl Record<'_> {
         let extra = columns(values, 16 * layout.columns.len(), values.len());
         if extra.iter().any(|b| *b != b' ') {
             let (number, satellite) = (self.number, self.satellite);
-            self.skips.add("text after the last observation type", || {
+            self.skips.add(Reason::TextAfterObservationTypes, || {
                 format!("line {number}: {satellite}: '{}'", shorten(extra))
             });
         }
@@ -244,13 +242,13 @@ impl Record<'_> {
                 slot.cn0_dbhz = Some(value);
             }
             ObservationKind::Pseudorange => {
-                self.bad(column, slot, "pseudorange outside 1e6 to 1e9 m", &value.to_string());
+                self.bad(column, slot, Reason::PseudorangeOutOfRange, &value.to_string());
             }
             ObservationKind::Doppler => {
-                self.bad(column, slot, DOPPLER_TOO_LARGE, &value.to_string());
+                self.bad(column, slot, Reason::DopplerOutOfRange, &value.to_string());
             }
             ObservationKind::SignalStrength => {
-                self.bad(column, slot, "C/N0 outside 0 to 70 dB-Hz", &value.to_string());
+                self.bad(column, slot, Reason::Cn0OutOfRange, &value.to_string());
             }
             ObservationKind::Other => {}
         }
@@ -285,7 +283,7 @@ impl Record<'_> {
     }
 
     #[cold]
-    fn bad(&mut self, column: &Column, slot: &Observation, reason: &str, value: &str) {
+    fn bad(&mut self, column: &Column, slot: &Observation, reason: Reason, value: &str) {
         let (number, satellite, signal) = (self.number, self.satellite, slot.signal);
         let kind = column.kind;
         self.skips.add(reason, || format!("line {number}: {satellite} {signal} {kind:?} '{value}'"));
@@ -303,7 +301,7 @@ impl Record<'_> {
             Some(other) => {
                 slot.loss_of_lock.cycle_slip = true;
                 let (number, satellite, found) = (self.number, self.satellite, *other as char);
-                self.skips.add("loss-of-lock indicator is not 0 to 7", || {
+                self.skips.add(Reason::LossOfLockIndicatorOutOfRange, || {
                     format!("line {number}: {satellite}: '{}'", found.escape_default())
                 });
             }

@@ -5,8 +5,8 @@ use super::observation_record::{Layouts, Seen};
 use super::{epoch_2, epoch_3};
 use crate::formats::decode::Record;
 use crate::formats::text::columns;
-use crate::gnss::{CycleSlip, EpochFlag, Event, EventKind, Misnamed, Observation, ObservationEpoch};
-use crate::skips::Skips;
+use crate::gnss::{CycleSlip, EpochFlag, Event, EventKind, Observation, ObservationEpoch};
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
 /// Columns of a header line, and so of an event's.
@@ -82,7 +82,7 @@ impl PendingEpoch {
             Content::Observations(time_gps, flag) => {
                 let mut observations = self.observations;
                 self.seen.misnamed.leave_out(&mut observations, |o| {
-                    skips.add(Misnamed::REASON, || {
+                    skips.add(Reason::BeidouSignalOfBothGenerations, || {
                         format!("line {}: {} {}", self.line, o.satellite, o.signal)
                     });
                 });
@@ -92,7 +92,7 @@ impl PendingEpoch {
         };
         let slip = |o: &Observation| {
             if o.pseudorange_m.is_some() || o.doppler_hz.is_some() || o.cn0_dbhz.is_some() {
-                skips.add("value in a cycle slip record that is no phase, not used", || {
+                skips.add(Reason::CycleSlipValueOfNoPhase, || {
                     format!("line {}: {} {}", self.line, o.satellite, o.signal)
                 });
             }
@@ -137,7 +137,7 @@ impl PendingEvent {
     pub(super) fn take(&mut self, number: u64, line: &[u8], skips: &mut Skips) -> bool {
         let text = printable(line);
         if text.chars().count() > EVENT_COLUMNS {
-            skips.add("line of an event cut to 80 columns", || format!("line {number}"));
+            skips.add(Reason::EventLineCut, || format!("line {number}"));
         }
         let kept: String = text.chars().take(EVENT_COLUMNS).collect();
         self.event.lines.push(kept.trim_end().to_owned());

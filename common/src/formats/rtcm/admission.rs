@@ -6,12 +6,8 @@ use super::gate::{Ahead, Ruling};
 use crate::formats::bits::Bits;
 use crate::formats::time_order::LONG_STEP_S;
 use crate::gnss::Constellation;
+use crate::skips::Reason;
 use crate::time::GpsTime;
-
-/// Why a message is left out.
-const FAR_AHEAD: &str = "message far ahead of those around it, left out";
-/// What some receivers send in place of the day.
-const WRONG_DAY: &str = "GLONASS day of the week contradicts the stream's time, not used";
 
 impl RtcmDecoder {
     /// The time of an observation message that is let through; the stream's clock follows it.
@@ -41,7 +37,7 @@ impl RtcmDecoder {
             }
         }
         if resolved.contradicts_day {
-            self.skips.add(WRONG_DAY, || format!("{sent:?} at {time}"));
+            self.skips.add(Reason::GlonassDayContradictsStream, || format!("{sent:?} at {time}"));
         }
         self.clock.learn_day(sent, resolved);
         self.clock.set(time);
@@ -49,7 +45,7 @@ impl RtcmDecoder {
     }
 
     fn impossible(&mut self, bytes: &[u8], sent: SentTime) {
-        self.skips.add("message with an impossible time", || {
+        self.skips.add(Reason::MessageImpossibleTime, || {
             let number = Bits::new(bytes).unsigned(12).unwrap_or_default();
             format!("message {number}: {sent:?}")
         });
@@ -141,8 +137,9 @@ impl RtcmDecoder {
         if goes_on || time < ahead.time && !is_about(time, ahead.time) {
             let count = ahead.messages.len();
             for _ in 0..count {
-                self.skips
-                    .add(FAR_AHEAD, || format!("{:?}: {}, then {time}", ahead.constellation, ahead.time));
+                self.skips.add(Reason::MessageFarAhead, || {
+                    format!("{:?}: {}, then {time}", ahead.constellation, ahead.time)
+                });
             }
         } else {
             self.confirm(*ahead);

@@ -3,11 +3,8 @@
 use std::collections::BTreeMap;
 
 use crate::gnss::{EpochFlag, Observation, ObservationEpoch, SatelliteId, SignalCode};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
-
-/// Why an observation of a legacy message is not used.
-const OUTRANKED: &str = "legacy observation of a signal that MSM has too";
 
 /// Which kind of message says an observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,11 +94,12 @@ impl Assembler {
         for observation in observations {
             let describe = || format!("{} {} at {time}", observation.satellite, observation.signal);
             if pending.has(family, &observation) {
-                skips.add("signal twice in one epoch", describe);
+                skips.add(Reason::SignalTwice, describe);
             } else if pending.outranks(family, &observation) {
-                skips.add(OUTRANKED, describe);
+                skips.add(Reason::LegacyObservationOutranked, describe);
             } else {
-                (0..pending.give_way(family, &observation)).for_each(|_| skips.add(OUTRANKED, describe));
+                (0..pending.give_way(family, &observation))
+                    .for_each(|_| skips.add(Reason::LegacyObservationOutranked, describe));
                 pending.observations.push((family, observation));
             }
         }
@@ -113,8 +111,7 @@ impl Assembler {
     pub(super) fn finish(&mut self, skips: &mut Skips) -> Option<ObservationEpoch> {
         let epoch = self.close()?;
         if self.trust_last {
-            skips
-                .add("last epoch lacks messages that were announced, kept", || format!("{}", epoch.time_gps));
+            skips.add(Reason::LastEpochLacksMessages, || format!("{}", epoch.time_gps));
         }
         Some(epoch)
     }
@@ -152,11 +149,12 @@ impl Assembler {
         };
         let outranked = observations.iter().filter(|o| closed.outranks(family, o)).count();
         if outranked > 0 && outranked == observations.len() {
-            (0..outranked).for_each(|_| skips.add(OUTRANKED, || format!("at {time}")));
+            (0..outranked)
+                .for_each(|_| skips.add(Reason::LegacyObservationOutranked, || format!("at {time}")));
         } else if observations.iter().all(|o| closed.has(family, o) || closed.outranks(family, o)) {
-            skips.add("message repeated", || format!("at {time}"));
+            skips.add(Reason::MessageRepeated, || format!("at {time}"));
         } else {
-            skips.add("message after the one marked as its epoch's last", || {
+            skips.add(Reason::MessageAfterLastOfEpoch, || {
                 format!("at {time}; from here on an epoch lasts until the time changes")
             });
             self.trust_last = false;

@@ -4,7 +4,7 @@
 //! search goes on behind it, so that noise never swallows a frame.
 
 use crate::formats::bits::crc24q;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 const PREAMBLE: u8 = 0xd3;
 const HEADER_BYTES: usize = 3;
@@ -63,17 +63,17 @@ impl Framer {
                     return Some(message);
                 }
                 Look::Incomplete if !ended => return None,
-                Look::Incomplete => self.pass_over("frame cut off by the end of the stream", skips),
+                Look::Incomplete => self.pass_over(Reason::FrameCutOff, skips),
                 Look::BadChecksum => {
-                    self.pass_over("frame with a wrong checksum, or noise like a frame", skips);
+                    self.pass_over(Reason::FrameWrongChecksum, skips);
                 }
-                Look::NoPreamble => self.pass_over("byte outside any frame", skips),
+                Look::NoPreamble => self.pass_over(Reason::ByteOutsideAnyFrame, skips),
             }
         }
         None
     }
 
-    fn pass_over(&mut self, reason: &str, skips: &mut Skips) {
+    fn pass_over(&mut self, reason: Reason, skips: &mut Skips) {
         let at = self.offset + self.done as u64;
         skips.add(reason, || format!("at byte {at} of the stream"));
         self.done += 1;

@@ -8,7 +8,7 @@
 
 use crate::formats::time_order::LONG_STEP_S;
 use crate::gnss::Constellation;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
 /// After so many late messages it is looked at who is late and who is not.
@@ -112,12 +112,10 @@ impl Gate {
             self.count_anew();
         }
         if is_set_back {
-            skips.add("the stream's time stepped back", || format!("from {last} to {time}"));
+            skips.add(Reason::StreamTimeSteppedBack, || format!("from {last} to {time}"));
             return Ruling::Admitted;
         }
-        skips.add("message older than the epoch before it", || {
-            format!("{constellation:?}: {time} after {last}")
-        });
+        skips.add(Reason::MessageOlderThanEpoch, || format!("{constellation:?}: {time} after {last}"));
         Ruling::Late
     }
 
@@ -212,6 +210,6 @@ mod tests {
         let rulings: Vec<_> =
             (0..12).map(|second| gate.rule(at(f64::from(second)), Gps, &mut skips)).collect();
         assert_eq!(rulings[9..], [Ruling::Late, Ruling::Admitted, Ruling::Admitted]);
-        assert_eq!(skips.count("the stream's time stepped back"), 1);
+        assert_eq!(skips.count(Reason::StreamTimeSteppedBack), 1);
     }
 }

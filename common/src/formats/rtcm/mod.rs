@@ -48,7 +48,7 @@ use crate::formats::rinex::Equipment;
 use crate::formats::time_order::TimeOrder;
 use crate::gnss::{Constellation, LossOfLock, Observation, ObservationEpoch, SatelliteId};
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{GpsTime, leap_seconds_at};
 use epoch::{Family, Part};
 
@@ -62,9 +62,6 @@ const MAX_SATELLITE: u8 = 63;
 const MAX_QZSS: u8 = 10;
 /// What a stream is counted in.
 const UNIT: &str = "frame";
-/// Why a GLONASS phase is left out.
-const NO_CHANNEL: &str = "phase and Doppler without a known GLONASS channel";
-
 /// What a stream does not say itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RtcmOptions {
@@ -192,12 +189,12 @@ impl RtcmDecoder {
 
     fn message(&mut self, bytes: &[u8]) {
         let Ok(number) = Bits::new(bytes).unsigned(12) else {
-            self.skips.add("frame without a message", || format!("{} bytes", bytes.len()));
+            self.skips.add(Reason::FrameWithoutMessage, || format!("{} bytes", bytes.len()));
             return;
         };
         match (msm_kind(number), number) {
             (Some((Constellation::Sbas, _)), _) => {
-                self.skips.add("SBAS observations are not used", || format!("message {number}"));
+                self.skips.add(Reason::SbasObservationsNotUsed, || format!("message {number}"));
             }
             (Some((constellation, level)), _) => self.observations(bytes, number, constellation, level),
             (None, _) if legacy::is_legacy(number) => self.legacy_observations(bytes, number),
@@ -206,7 +203,7 @@ impl RtcmDecoder {
             (None, 1005 | 1006) => self.station_position(bytes, number),
             (None, 1007 | 1008 | 1033) => self.station_equipment(bytes, number),
             _ => {
-                self.skips.add(&format!("message {number} is not read"), || format!("{} bytes", bytes.len()));
+                self.skips.add_about(Reason::MessageNotRead, number, || format!("{} bytes", bytes.len()));
             }
         }
     }
@@ -216,7 +213,7 @@ impl RtcmDecoder {
             Ok(message) => message,
             Err(msm::Fault::TooShort) => return self.too_short(bytes, number),
             Err(msm::Fault::TooManyCells(cells)) => {
-                self.skips.add("message with more than 64 signals", || format!("message {number}: {cells}"));
+                self.skips.add(Reason::MessageWithTooManySignals, || format!("message {number}: {cells}"));
                 return;
             }
         };
@@ -249,9 +246,7 @@ impl RtcmDecoder {
     }
 
     fn too_short(&mut self, bytes: &[u8], number: u32) {
-        self.skips.add("message shorter than its type demands", || {
-            format!("message {number}: {} bytes", bytes.len())
-        });
+        self.skips.add(Reason::MessageTooShort, || format!("message {number}: {} bytes", bytes.len()));
     }
 
     fn observation(
@@ -264,12 +259,13 @@ impl RtcmDecoder {
         let satellite = SatelliteId::new(constellation, cell.satellite);
         let limit = if constellation == Constellation::Qzss { MAX_QZSS } else { MAX_SATELLITE };
         if cell.satellite > limit {
-            self.skips.add("reserved satellite number", || format!("{satellite} at {time}"));
+            self.skips.add(Reason::ReservedSatelliteNumber, || format!("{satellite} at {time}"));
             return None;
         }
         let Some(signal) = signals::signal(constellation, cell.signal) else {
-            self.skips
-                .add("reserved signal number", || format!("{satellite} signal {} at {time}", cell.signal));
+            self.skips.add(Reason::ReservedSignalNumber, || {
+                format!("{satellite} signal {} at {time}", cell.signal)
+            });
             return None;
         };
         if let Some(channel) = cell.glonass_channel {
@@ -278,11 +274,11 @@ impl RtcmDecoder {
         let channel = self.glonass_channels.get(&cell.satellite).copied();
         let frequency_hz = signal.frequency_hz(constellation, channel);
         if frequency_hz.is_none() && (cell.phase_s().is_some() || cell.rate_mps.is_some()) {
-            self.skips.add(NO_CHANNEL, || format!("{satellite} {signal} at {time}"));
+            self.skips.add(Reason::PhaseWithoutGlonassChannel, || format!("{satellite} {signal} at {time}"));
         }
         let pseudorange_m = cell.code_s().map(|travel_s| travel_s * SPEED_OF_LIGHT_MPS);
         if pseudorange_m.is_some_and(|p| p < MIN_PSEUDORANGE_M) {
-            self.skips.add("pseudorange below 1e6 m", || format!("{satellite} {signal} at {time}"));
+            self.skips.add(Reason::PseudorangeTooShort, || format!("{satellite} {signal} at {time}"));
             return None;
         }
         let has_phase = cell.phase_s().is_some();

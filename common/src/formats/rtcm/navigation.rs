@@ -3,14 +3,11 @@
 use super::date::{Claim, Dated};
 use super::{RtcmDecoder, ephemeris, glonass, station};
 use crate::formats::decode::Record;
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// A GLONASS date farther from the stream than this is not believed before another satellite confirms it, s.
 const DATE_LIMIT_S: f64 = 4.0 * 86_400.0;
-/// What contradicts the date that was given.
-const OTHER_WEEK: &str =
-    "ephemerides of another week than the date given, taken for the week of the observations";
-
 impl RtcmDecoder {
     pub(super) fn ephemeris(&mut self, bytes: &[u8], number: u32) {
         match ephemeris::read(bytes, number) {
@@ -35,7 +32,7 @@ impl RtcmDecoder {
             self.dates.alone(claim, now)
         };
         if let Some(weeks) = dated.weeks_ahead.filter(|weeks| *weeks != 0) {
-            self.skips.add(OTHER_WEEK, || {
+            self.skips.add(Reason::EphemeridesOfOtherWeekThanDate, || {
                 let satellite = claim.satellite;
                 format!("{satellite} and one before it: {weeks} weeks from {now}")
             });
@@ -50,7 +47,7 @@ impl RtcmDecoder {
         match fault {
             ephemeris::Fault::TooShort => self.too_short(bytes, number),
             ephemeris::Fault::Impossible(detail) => {
-                self.skips.add("ephemeris with impossible values", || format!("message {number}: {detail}"));
+                self.skips.add(Reason::EphemerisImpossible, || format!("message {number}: {detail}"));
             }
         }
     }
@@ -92,7 +89,7 @@ impl RtcmDecoder {
             Ok(station) => self.station = Some(station),
             Err(ephemeris::Fault::TooShort) => self.too_short(bytes, number),
             Err(ephemeris::Fault::Impossible(detail)) => {
-                self.skips.add("station position that cannot be", || format!("message {number}: {detail}"));
+                self.skips.add(Reason::StationPositionImpossible, || format!("message {number}: {detail}"));
             }
         }
     }

@@ -6,7 +6,7 @@
 use crate::accuracy::{Truth, TruthError, TruthPosition};
 use crate::formats::text::{lines, shorten};
 use crate::frames::Geodetic;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{Calendar, GpsTime, leap_seconds_at};
 
 const SECONDS_PER_DAY: f64 = 86_400.0;
@@ -58,7 +58,7 @@ pub fn read(bytes: &[u8], near: GpsTime) -> Result<(Truth, Skips), TruthError> {
         rows += 1;
         match sentence.fix(&mut skips) {
             Some(fix) => fixes.push((day.instant(fix.time_of_day_s), fix)),
-            None => skips.add("truth row unreadable", || format!("line {number}: '{}'", shorten(line))),
+            None => skips.add(Reason::TruthRowUnreadable, || format!("line {number}: '{}'", shorten(line))),
         }
     }
     let midnight_utc = day.first_midnight_utc(near - leap_seconds_at(near) as f64);
@@ -142,7 +142,7 @@ impl<'a> Sentence<'a> {
     ///
     /// # Errors
     /// The reason to count a damaged sentence under.
-    fn of(line: &'a [u8]) -> Result<Option<Self>, &'static str> {
+    fn of(line: &'a [u8]) -> Result<Option<Self>, Reason> {
         let start = line.iter().position(|byte| *byte == b'$');
         let Some(text) = start.and_then(|at| line.get(at + 1..)) else { return Ok(None) };
         let Ok(text) = std::str::from_utf8(text) else { return Ok(None) };
@@ -155,7 +155,7 @@ impl<'a> Sentence<'a> {
             u8::from_str_radix(stated, 16) == Ok(sum)
         };
         if checksum.is_some_and(|stated| !is_right(stated)) {
-            return Err("NMEA sentence with a wrong checksum");
+            return Err(Reason::NmeaSentenceWrongChecksum);
         }
         let words: Vec<&str> = text.split(',').map(str::trim).collect();
         let is_talkers = words.first().is_some_and(|name| name.len() == 5 && !name.starts_with('P'));
@@ -207,7 +207,7 @@ impl<'a> Sentence<'a> {
         let latitude_deg = self.angle_deg(2, 2, "N", "S").filter(|angle| angle.abs() <= 90.0)?;
         let longitude_deg = self.angle_deg(4, 3, "E", "W").filter(|angle| angle.abs() <= 180.0)?;
         let separation_m = self.number(11).unwrap_or_else(|| {
-            skips.add("heights are above the geoid, used as if above the ellipsoid", || {
+            skips.add(Reason::HeightsAboveGeoid, || {
                 format!("GGA at {} has no separation of the geoid", self.word(1))
             });
             0.0

@@ -6,7 +6,7 @@
 use crate::accuracy::{Truth, TruthError, TruthPosition};
 use crate::formats::text::{lines, shorten};
 use crate::frames::{Ecef, EcefVector, Enu, Geodetic, LocalFrame};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{Calendar, GpsTime, leap_seconds_at};
 
 /// JST is ahead of UTC, s.
@@ -32,9 +32,7 @@ pub fn read(bytes: &[u8]) -> Result<(Truth, Skips), TruthError> {
         .ok_or_else(|| TruthError::Column { column: "latitude(deg)", expected: EXPECTED.to_owned() })?;
     let mut skips = Skips::default();
     if comments(bytes).any(|line| line.windows(b"/geodetic".len()).any(|part| part == b"/geodetic")) {
-        skips.add("heights are above the geoid, used as if above the ellipsoid", || {
-            "set RTKLIB's out-height to ellipsoidal".to_owned()
-        });
+        skips.add(Reason::HeightsAboveGeoid, || "set RTKLIB's out-height to ellipsoidal".to_owned());
     }
     let mut rows = 0;
     let mut positions = Vec::new();
@@ -48,8 +46,9 @@ pub fn read(bytes: &[u8]) -> Result<(Truth, Skips), TruthError> {
         match layout.row(&words) {
             Some(row) => positions.push(row),
             None => {
-                skips
-                    .add("truth row unreadable", || format!("line {number}: '{}'", shorten(line.as_bytes())));
+                skips.add(Reason::TruthRowUnreadable, || {
+                    format!("line {number}: '{}'", shorten(line.as_bytes()))
+                });
             }
         }
     }

@@ -10,7 +10,7 @@ use crate::formats::lost_locks::LostLocks;
 use crate::formats::text::shorten;
 use crate::formats::time_order::TimeOrder;
 use crate::gnss::{EpochFlag, ObservationEpoch};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
 /// How the line before each epoch begins.
@@ -76,7 +76,7 @@ impl Log {
             return;
         }
         self.first.get_or_insert_with(|| shorten(line));
-        self.skips.add("line of no known kind", || format!("line {number}: '{}'", shorten(line)));
+        self.skips.add(Reason::LineOfNoKnownKind, || format!("line {number}: '{}'", shorten(line)));
     }
 
     fn epoch(&mut self, mut epoch: Epoch, records: &mut VecDeque<Record>) {
@@ -94,9 +94,7 @@ impl Log {
             self.locks.observe(signal, true, false);
         }
         if epoch.signals.is_empty() {
-            return self
-                .skips
-                .add("epoch without a usable measurement", || format!("line {number}: {time_gps}"));
+            return self.skips.add(Reason::EpochWithoutMeasurement, || format!("line {number}: {time_gps}"));
         }
         let (observations, stated) = epoch.signals.into_iter().unzip();
         self.stated.insert(time_gps, stated);
@@ -122,7 +120,7 @@ impl Log {
     fn too_long(&mut self) {
         self.number += 1;
         let number = self.number;
-        self.skips.add("line too long", || format!("line {number}: more than {MAX_LINE} bytes"));
+        self.skips.add(Reason::LineTooLong, || format!("line {number}: more than {MAX_LINE} bytes"));
     }
 }
 
@@ -150,7 +148,7 @@ impl Decoder for SpareLogDecoder {
                 log.is_recognised |= is_spare_log_line(&rest);
                 let (number, length) = (log.number + 1, rest.len());
                 log.first.get_or_insert_with(|| shorten(&rest));
-                log.skips.add("last line is cut off", || {
+                log.skips.add(Reason::LastLineCutOff, || {
                     format!("line {number}: {length} bytes without a line end")
                 });
             }

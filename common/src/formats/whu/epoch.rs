@@ -6,10 +6,10 @@ use serde_json::Value;
 use super::names;
 use crate::formats::lost_locks::SignalKey;
 use crate::gnss::{
-    CN0_BOUNDS_DBHZ, DOPPLER_TOO_LARGE, LossOfLock, MAX_DOPPLER_HZ, MAX_PHASE_CYCLES, Observation,
-    PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode,
+    CN0_BOUNDS_DBHZ, LossOfLock, MAX_DOPPLER_HZ, MAX_PHASE_CYCLES, Observation, PSEUDORANGE_BOUNDS_M,
+    SatelliteId, SignalCode,
 };
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{Calendar, GpsTime};
 
 /// Largest standard deviation that is kept, in the unit of its quantity.
@@ -77,7 +77,7 @@ fn whole<T: TryFrom<u64>>(value: f64) -> Option<T> {
 
 /// Why a line or an entry gives nothing.
 struct Fault {
-    reason: &'static str,
+    reason: Reason,
     detail: String,
 }
 
@@ -87,14 +87,14 @@ pub(super) fn read(number: u64, line: &[u8], skips: &mut Skips) -> Option<Epoch>
         Ok(Line { obsd_t }) => obsd_t,
         Err(error) => {
             let reason =
-                if error.is_data() { "line lacks its observations or time" } else { "line is not JSON" };
+                if error.is_data() { Reason::LineLacksObservationsOrTime } else { Reason::LineNotJson };
             skips.add(reason, || format!("line {number}: {error}"));
             return None;
         }
     };
     let Some(time_gps) = observed.t.gps() else {
         let Time { year, month, day, hour, minute, sec } = observed.t;
-        skips.add("time of an epoch is none", || {
+        skips.add(Reason::EpochTimeInvalid, || {
             format!("line {number}: {year}-{month}-{day} {hour}:{minute}:{sec}")
         });
         return None;
@@ -122,14 +122,13 @@ impl Entry<'_> {
     fn read(&mut self, epoch: &mut Epoch) -> Result<(), Fault> {
         let (satellite, signal) = self.names()?;
         if epoch.signals.iter().any(|(o, _)| (o.satellite, o.signal) == (satellite, signal)) {
-            return Err(Fault { reason: "signal repeated in its epoch", detail: self.name.clone() });
+            return Err(Fault { reason: Reason::SignalRepeated, detail: self.name.clone() });
         }
         let pseudorange_m =
-            self.value("p", "pseudorange outside 1e6 to 1e9 m", |p| PSEUDORANGE_BOUNDS_M.contains(&p));
-        let carrier_phase_cycles =
-            self.value("l", "phase beyond 9e9 cycles (code is used)", |l| l.abs() <= MAX_PHASE_CYCLES);
-        let doppler_hz = self.value("d", DOPPLER_TOO_LARGE, |d| d.abs() <= MAX_DOPPLER_HZ);
-        let cn0_dbhz = self.value("snr", "C/N0 outside 0 to 70 dB-Hz", |snr| CN0_BOUNDS_DBHZ.contains(&snr));
+            self.value("p", Reason::PseudorangeOutOfRange, |p| PSEUDORANGE_BOUNDS_M.contains(&p));
+        let carrier_phase_cycles = self.value("l", Reason::PhaseOutOfRange, |l| l.abs() <= MAX_PHASE_CYCLES);
+        let doppler_hz = self.value("d", Reason::DopplerOutOfRange, |d| d.abs() <= MAX_DOPPLER_HZ);
+        let cn0_dbhz = self.value("snr", Reason::Cn0OutOfRange, |snr| CN0_BOUNDS_DBHZ.contains(&snr));
         let loss_of_lock = self.loss_of_lock();
         if carrier_phase_cycles.is_none() && loss_of_lock.cycle_slip {
             epoch.lost.push((satellite, signal));
@@ -145,7 +144,7 @@ impl Entry<'_> {
         };
         let values = [pseudorange_m, carrier_phase_cycles, doppler_hz, cn0_dbhz];
         if values.iter().all(Option::is_none) {
-            return Err(Fault { reason: "signal without any value", detail: self.name.clone() });
+            return Err(Fault { reason: Reason::SignalWithoutValue, detail: self.name.clone() });
         }
         let sigma = |key: &str, of: Option<f64>| self.sigma(key).filter(|_| of.is_some());
         let stated = StatedSigmas {
@@ -161,13 +160,13 @@ impl Entry<'_> {
         let index = self.fields.get("prn");
         let satellite =
             index.and_then(Value::as_f64).and_then(whole).and_then(names::satellite).ok_or_else(|| {
-                Fault { reason: "satellite index of no satellite", detail: shown("prn", index) }
+                Fault { reason: Reason::SatelliteIndexOfNoSatellite, detail: shown("prn", index) }
             })?;
         let code = self.fields.get("type");
         let signal =
             code.and_then(Value::as_str).and_then(|code| names::signal(satellite.constellation, code));
         let signal = signal.ok_or_else(|| Fault {
-            reason: "observation code of no signal of the system",
+            reason: Reason::ObservationCodeOfNoSignal,
             detail: format!("{satellite}, {}", shown("type", code)),
         })?;
         self.name = format!("{satellite} {signal}");
@@ -175,13 +174,13 @@ impl Entry<'_> {
     }
 
     /// A value within its limits; zero and null stand for none.
-    fn value(&mut self, key: &str, beyond: &'static str, is_possible: impl Fn(f64) -> bool) -> Option<f64> {
+    fn value(&mut self, key: &str, beyond: Reason, is_possible: impl Fn(f64) -> bool) -> Option<f64> {
         let found = self.fields.get(key);
         let (reason, is_none) = match found.and_then(Value::as_f64) {
             Some(0.0) => return None,
             Some(value) if is_possible(value) => return Some(value),
             Some(_) => (beyond, false),
-            None => ("value missing or not a number", found.is_some_and(Value::is_null)),
+            None => (Reason::ValueMissing, found.is_some_and(Value::is_null)),
         };
         if !is_none {
             let (number, name) = (self.number, &self.name);
@@ -200,7 +199,7 @@ impl Entry<'_> {
             }
             Some(None) => {
                 let (number, name) = (self.number, &self.name);
-                self.skips.add("loss-of-lock indicator is not 0 to 7", || {
+                self.skips.add(Reason::LossOfLockIndicatorOutOfRange, || {
                     format!("line {number}: {name}, {}", shown("lli", found))
                 });
                 LossOfLock { cycle_slip: true, ..LossOfLock::default() }

@@ -1,7 +1,7 @@
 //! The dataset's truth tables.
 
 use crate::accuracy::{TableRow, Truth, TruthError};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{GpsTime, SECONDS_PER_WEEK};
 
 /// Columns by the names in the header, in the order of [`Fields`].
@@ -43,9 +43,7 @@ pub fn truth_table(bytes: &[u8], near: GpsTime) -> Result<(Truth, Skips), TruthE
         .collect();
     let mut skips = Skips::default();
     if are_velocities_exchanged(&rows) {
-        skips.add("velocities north and east stand in each other's column, exchanged", || {
-            "the positions say so".to_owned()
-        });
+        skips.add(Reason::VelocityColumnsExchanged, || "the positions say so".to_owned());
         for row in rows.iter_mut().flatten() {
             std::mem::swap(&mut row.velocity_north_mps, &mut row.velocity_east_mps);
         }

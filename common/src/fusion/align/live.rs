@@ -3,6 +3,7 @@
 use std::cmp::Ordering;
 use std::time::Duration;
 
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 use super::track::{Presence, Track};
@@ -196,7 +197,7 @@ impl Aligner {
             "{lead_s:.0} s ahead of the other phones, so its epochs wait until the group has come so far: is its clock right, and is it a \
              recording of the same time?"
         );
-        track.skips.add("phone ahead of the others: held back", || text.clone());
+        track.skips.add(Reason::PhoneAhead, || text.clone());
         self.notices.push(Notice { phone, kind: NoticeKind::Ahead, text });
     }
 
@@ -223,7 +224,7 @@ impl Aligner {
             _ => (NoticeKind::Silent, format!("no epoch for {wait_s} s: the others go on without it")),
         };
         if kind == NoticeKind::Behind {
-            track.skips.add("phone behind the others: not waited for", || text.clone());
+            track.skips.add(Reason::PhoneBehind, || text.clone());
         }
         self.notices.push(Notice { phone, kind, text });
     }

@@ -1,3 +1,4 @@
+use crate::skips::Reason;
 use crate::wire::EpochMessage;
 use proptest::prelude::*;
 
@@ -67,12 +68,12 @@ impl Live {
         self.longest_wait = self.longest_wait.max(self.aligner.longest_wait(now));
     }
 
-    fn count(&self, phone: usize, reason: &str) -> u64 {
+    fn count(&self, phone: usize, reason: Reason) -> u64 {
         self.aligner.skips(phone).unwrap().count(reason)
     }
 
     fn late(&self) -> u64 {
-        (0..self.aligner.tracks.len()).map(|phone| self.count(phone, track::TOO_LATE)).sum()
+        (0..self.aligner.tracks.len()).map(|phone| self.count(phone, Reason::EpochTooLate)).sum()
     }
 
     fn fused_of(&self, phone: usize) -> usize {
@@ -101,11 +102,11 @@ fn a_silent_phone_delays_a_live_group_once() {
     live.say(0, 3.0, 7.1);
     assert_eq!(live.fused.len(), 4, "phone 1 is left behind");
     live.say(1, 2.0, 7.2);
-    assert_eq!(live.count(1, track::TOO_LATE), 1);
+    assert_eq!(live.count(1, Reason::EpochTooLate), 1);
     live.say(0, 4.0, 7.3);
     assert_eq!(live.fused.len(), 5, "that was more than five seconds late");
     live.say(1, 3.5, 7.4);
-    assert_eq!(live.count(1, track::TOO_LATE), 2);
+    assert_eq!(live.count(1, Reason::EpochTooLate), 2);
     live.say(0, 5.0, 7.5);
     assert_eq!(live.fused.len(), 5, "that was 0.1 s late: phone 1 is on time again, and waited for");
     assert_eq!(live.told().last(), Some(&(1, NoticeKind::OnTime)));
@@ -364,7 +365,7 @@ fn an_agent_restarted_on_an_older_log_does_not_stop_the_others() {
             assert!(live.longest_wait <= ms(5_100), "{older_s}: {:?}", live.longest_wait);
             assert!(live.told().iter().all(|(phone, _)| *phone == 1), "{older_s}: {:?}", live.notices);
             let skips = live.aligner.skips(1).unwrap();
-            let dropped = skips.total() - skips.count("phone behind the others: not waited for");
+            let dropped = skips.total() - skips.count(Reason::PhoneBehind);
             assert!(dropped >= 100 - u64::from(pause_s), "{older_s}: {skips}");
         }
     }

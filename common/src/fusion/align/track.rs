@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::integrity::Verdict;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
@@ -16,14 +16,6 @@ const MAXIMUM_HELD: usize = 4;
 const REGULAR: f64 = 1.5;
 /// Places of a phone's epochs in time that are remembered, for one [`AlignOptions::maximum_wait`].
 const MARKS: u32 = 16;
-/// Why a message is dropped that comes after its time was given out.
-pub(super) const TOO_LATE: &str = "epoch too late";
-
-/// Likewise the first message of a phone, for which nobody could wait: no loss.
-pub(super) const FIRST: &str = "first epoch of a phone, its time being fused already";
-/// Why messages are dropped that waited when their phone went back in time.
-pub(super) const WENT_BACK: &str = "epoch of a time from which the phone went back";
-
 /// Whether a bucket waits for a phone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Presence {
@@ -157,7 +149,7 @@ impl Track {
     /// What waits of a later time than the phone is at now is not of it any more.
     fn go_back_to(&mut self, time: GpsTime) {
         while let Some(later) = self.queue.pop_back_if(|waiting| waiting.message.time_gps >= time) {
-            self.skips.add(WENT_BACK, || describe(&later.message, Some(time), None));
+            self.skips.add(Reason::EpochWentBack, || describe(&later.message, Some(time), None));
         }
         self.latest = None;
         self.marks.clear();
@@ -169,7 +161,7 @@ impl Track {
         waiting: Waiting,
         options: &AlignOptions,
         done_to: Option<GpsTime>,
-        too_late: &'static str,
+        too_late: Reason,
     ) -> Accepted {
         let (time, now) = (waiting.message.time_gps, waiting.arrived);
         if let Some(reason) = refusal(time, self.latest, options.simultaneous_s) {
@@ -195,7 +187,7 @@ impl Track {
     /// Holds a message back until the next confirms it.
     pub(super) fn hold(&mut self, waiting: Waiting) {
         if self.held.iter().any(|held| held.message.time_gps == waiting.message.time_gps) {
-            self.skips.add("epoch received twice", || describe(&waiting.message, self.latest, None));
+            self.skips.add(Reason::EpochReceivedTwice, || describe(&waiting.message, self.latest, None));
             return;
         }
         if self.held.len() >= MAXIMUM_HELD {
@@ -206,7 +198,7 @@ impl Track {
 
     pub(super) fn drop_held(&mut self) {
         for held in std::mem::take(&mut self.held) {
-            self.skips.add("epoch far from its neighbours", || describe(&held.message, self.latest, None));
+            self.skips.add(Reason::EpochFarFromNeighbours, || describe(&held.message, self.latest, None));
         }
     }
 
@@ -240,14 +232,14 @@ impl Track {
 }
 
 /// Why a message cannot follow the one before it.
-fn refusal(time: GpsTime, previous: Option<GpsTime>, simultaneous_s: f64) -> Option<&'static str> {
+fn refusal(time: GpsTime, previous: Option<GpsTime>, simultaneous_s: f64) -> Option<Reason> {
     let previous = previous?;
     if time == previous {
-        Some("epoch received twice")
+        Some(Reason::EpochReceivedTwice)
     } else if time < previous {
-        Some("epoch out of order")
+        Some(Reason::EpochOutOfOrder)
     } else if time - previous <= simultaneous_s {
-        Some("epoch too soon after the previous one")
+        Some(Reason::EpochTooSoon)
     } else {
         None
     }

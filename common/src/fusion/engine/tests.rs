@@ -6,6 +6,7 @@ use crate::constraint::Speed;
 use crate::frames::LocalFrame;
 use crate::pipeline::{PhonePipeline, PipelineOptions};
 use crate::simulation::{PhoneOptions, Scenario, Simulation};
+use crate::skips::Reason;
 
 use super::*;
 
@@ -56,7 +57,7 @@ fn after_a_gap_of_all_phones_nothing_stems_from_the_extrapolation() {
             assert!(error_m < 25.0, "second {second}, phone {phone}: {error_m} m");
         }
     }
-    assert_eq!(engine.skips().count("silent phone dropped from the filter"), 2);
+    assert_eq!(engine.skips().count(Reason::SilentPhoneDropped), 2);
 }
 
 #[test]
@@ -74,8 +75,8 @@ fn a_phone_with_an_impossible_start_costs_itself_only() {
         assert!(epoch.phones[0].state.is_some(), "second {second}");
         assert!(epoch.phones[1].state.is_none(), "second {second}");
     }
-    assert_eq!(engine.skips().count("phone taken out of the filter"), 15);
-    assert_eq!(engine.skips().count("joint filter restarted"), 0);
+    assert_eq!(engine.skips().count(Reason::PhoneTakenOutOfFilter), 15);
+    assert_eq!(engine.skips().count(Reason::JointFilterRestarted), 0);
 }
 
 #[test]

@@ -6,6 +6,7 @@ use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::Ecef;
 use crate::gnss::Constellation;
 use crate::measurement::pair::variance_factor;
+use crate::skips::Reason;
 use crate::time::GpsTime;
 
 /// Number of earlier epochs in which a satellite is looked for that a base's last epoch lacks.
@@ -87,18 +88,18 @@ impl Differential {
         match nearest {
             None => {
                 applied.counts.missing = count;
-                applied.skips.add("epoch without corrections, used uncorrected", || format!("{time_gps}"));
+                applied.skips.add(Reason::EpochWithoutCorrections, || format!("{time_gps}"));
             }
             Some(nearest) if nearest > time_gps => {
                 applied.counts.missing = count;
-                applied.skips.add("epoch whose corrections are of later, used uncorrected", || {
+                applied.skips.add(Reason::EpochBeforeCorrections, || {
                     let later_s = nearest - time_gps;
                     format!("{time_gps}: the nearest are {later_s:.1} s later, of {nearest}; the limit is {limit_s} s")
                 });
             }
             Some(nearest) => {
                 applied.counts.too_old = count;
-                applied.skips.add("epoch whose corrections are too old, used uncorrected", || {
+                applied.skips.add(Reason::EpochWithOldCorrections, || {
                     let age_s = time_gps - nearest;
                     format!("{time_gps}: {age_s:.1} s, the last are of {nearest}; the limit is {limit_s} s")
                 });
@@ -160,7 +161,7 @@ impl Differential {
             Found::Corrected(found) => {
                 if found.is_other_code {
                     applied.counts.other_code += 1;
-                    applied.skips.add("corrected with another code of the same band", || {
+                    applied.skips.add(Reason::CorrectedByOtherCode, || {
                         format!("{}, by {}", name(), found.correction.signal)
                     });
                 } else {
@@ -171,17 +172,17 @@ impl Differential {
             }
             Found::Refused => {
                 applied.counts.refused += 1;
-                applied.skips.add("base's value refused, observation dropped", name);
+                applied.skips.add(Reason::BaseValueRefused, name);
                 false
             }
             Found::Missing => {
                 applied.counts.missing += 1;
                 let (reason, stays) = match self.options.uncorrected {
-                    _ if !any => ("observation without a correction, used uncorrected", true),
-                    Uncorrected::Dropped => ("observation without a correction, dropped", false),
+                    _ if !any => (Reason::ObservationUncorrected, true),
+                    Uncorrected::Dropped => (Reason::ObservationWithoutCorrectionDropped, false),
                     Uncorrected::Kept { sigma_m } => {
                         observation.pseudorange_sigma_m = observation.pseudorange_sigma_m.hypot(sigma_m);
-                        ("observation without a correction, used with a larger sigma", true)
+                        (Reason::ObservationUncorrectedLargerSigma, true)
                     }
                 };
                 applied.skips.add(reason, name);

@@ -7,7 +7,7 @@ use crate::frames::Ecef;
 use crate::gnss::{ClockGroup, Constellation, ObservationEpoch, SatelliteId, SignalCode};
 use crate::measurement::pair::pair_factor;
 use crate::orbit::{ClockReference, Products, SatelliteState};
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
 /// When more than half of a base's corrections are larger than this, it is not where it is said to be, m. What models leave is smaller.
@@ -96,7 +96,7 @@ fn compute(
         // One alone says nothing: its error and the base's clock are the same to it.
         if fellows.len() < FEWEST_FELLOWS {
             for alone in fellows {
-                skips.add("base's signal alone in its constellation and band, corrects nothing", || {
+                skips.add(Reason::BaseSignalAlone, || {
                     format!("{} {} at {}", alone.satellite, alone.signal, epoch.time_gps)
                 });
             }
@@ -108,7 +108,7 @@ fn compute(
         for ((observation, (left_m, sigma_m)), is_refused) in fellows.iter().zip(values).zip(outliers) {
             let correction_m = left_m - clock_m;
             if is_refused {
-                skips.add("base's value stands apart from its fellows, refused", || {
+                skips.add(Reason::BaseValueApart, || {
                     let (satellite, signal, time) =
                         (observation.satellite, observation.signal, epoch.time_gps);
                     format!(
@@ -127,10 +127,9 @@ fn compute(
         }
     }
     if contradicts(&corrections) {
-        skips.add(
-            "base's pseudoranges contradict its position, epoch not used: is the position right?",
-            || format!("{}: more than half of them are more than {CONTRADICTION_M} m off", epoch.time_gps),
-        );
+        skips.add(Reason::BaseContradictsItsPosition, || {
+            format!("{}: more than half of them are more than {CONTRADICTION_M} m off", epoch.time_gps)
+        });
         corrections.clear();
     }
     corrections

@@ -2,6 +2,7 @@ use super::*;
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{LossOfLock, Observation, SatelliteId};
+use crate::skips::Reason;
 
 const RANGE_M: f64 = 1_000.0;
 
@@ -97,7 +98,7 @@ fn the_bands_farthest_apart_make_the_pair() {
     assert!(skips.is_empty(), "{skips}");
     let alone = Ionosphere::PairOnly.combine(signals.clone(), &mut skips);
     assert_eq!(names(&alone), ["G01 1+5", "E01 1+5"]);
-    assert_eq!(skips.count("no second band for an ionosphere-free pair"), 3);
+    assert_eq!(skips.count(Reason::NoSecondBandForPair), 3);
     assert_eq!(names(&Ionosphere::Model.combine(signals.clone(), &mut skips)), names(&signals));
 }
 

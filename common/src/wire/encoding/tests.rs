@@ -2,11 +2,11 @@ use proptest::prelude::*;
 
 use super::super::{PhoneStatus, example};
 use super::*;
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 
 fn finished() -> StatusMessage {
     let mut skips = Skips::default();
-    skips.add("bad line", || "line 12".to_owned());
+    skips.add(Reason::BadLine, || "line 12".to_owned());
     let status = PhoneStatus::Finished { epochs_published: 640, skips, error: Some("disk".to_owned()) };
     StatusMessage { phone: "HP30".to_owned(), status }
 }

@@ -1,5 +1,6 @@
 use super::super::example::{message, observation};
 use super::*;
+use crate::skips::Reason;
 
 /// One way to spoil an observation.
 type Spoil = fn(&mut CorrectedObservation);
@@ -84,7 +85,7 @@ fn a_bad_observation_goes_and_the_good_ones_stay() {
         assert_eq!(kept.observations.len(), 3, "{quantity}");
         assert_eq!(kept.validate(), Ok(()));
         let (reason, skip) = skips.iter().next().unwrap();
-        assert_eq!((reason, skip.count), ("observation in a message", 1));
+        assert_eq!((reason, skip.count), (Reason::ObservationInMessage.text(), 1));
         assert!(
             skip.first.contains(quantity) && skip.first.contains("2020-08-13T14:19:01"),
             "{}",
@@ -136,7 +137,7 @@ fn bad_parts_go_alone() {
         let mut expected = message(5);
         expected.drop_part(part);
         assert_eq!(bad.sanitise("HP30", &mut skips), Some(expected));
-        assert_eq!(skips.count("part of a message"), 1);
+        assert_eq!(skips.count(Reason::PartOfMessage), 1);
     }
 }
 
@@ -155,7 +156,7 @@ fn hopeless_messages_are_refused_with_facts() {
         let mut skips = Skips::default();
         assert_eq!(bad.sanitise("HP30", &mut skips), None);
         let (reason, skip) = skips.iter().next().unwrap();
-        assert_eq!(reason, "message refused");
+        assert_eq!(reason, Reason::MessageRefused.text());
         assert!(skip.first.contains(text), "{}", skip.first);
     }
 }

@@ -9,17 +9,18 @@ use crate::formats::rinex::observation_record::Layouts;
 use crate::formats::rinex::pending::{Content, PendingEpoch, PendingEvent, event_time};
 use crate::formats::text::{columns, shorten};
 use crate::gnss::{EpochFlag, EventKind};
+use crate::skips::Reason;
 
 impl ObservationDecoder {
     /// Gives the unfinished epoch or event that an epoch line ends.
     pub(super) fn cut_short(&mut self, take: Take<'_>) {
         match std::mem::replace(&mut self.state, State::Between) {
             State::Epoch(pending) => {
-                self.skips.add("epoch has fewer satellites than announced", || pending.shortage());
+                self.skips.add(Reason::EpochLacksSatellites, || pending.shortage());
                 self.give(pending, take);
             }
             State::Event(pending) => {
-                self.skips.add("event has fewer lines than announced", || pending.shortage());
+                self.skips.add(Reason::EventLacksLines, || pending.shortage());
                 self.order.other(pending.done(), take);
             }
             State::Header | State::Between | State::Skip(_) | State::Lost => {}
@@ -59,7 +60,7 @@ impl ObservationDecoder {
                 }
             }
             State::Between if line.iter().any(|b| *b != b' ') => {
-                self.skips.add("line outside any epoch", || format!("line {number}: '{}'", shorten(line)));
+                self.skips.add(Reason::LineOutsideAnyEpoch, || format!("line {number}: '{}'", shorten(line)));
             }
             State::Between | State::Header | State::Lost => {}
         }
@@ -68,7 +69,7 @@ impl ObservationDecoder {
     /// A header line of an event: new observation types hold from here on.
     fn header_line(&mut self, number: u64, line: &[u8]) {
         if let Err(error) = self.builder.line_between_epochs(number, line) {
-            self.skips.add("header line between epochs cannot be read", || error.to_string());
+            self.skips.add(Reason::HeaderLineBetweenEpochsUnreadable, || error.to_string());
         }
         self.lay_out();
     }
@@ -90,7 +91,7 @@ impl ObservationDecoder {
             (b"1", _, Some(count)) => self.epoch(number, line, count, EpochFlag::PowerFailure),
             (_, Some(kind), Some(count)) => self.event((number, line), kind, count, take),
             _ => {
-                self.skips.add("epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
+                self.skips.add(Reason::EpochLineUnreadable, || format!("line {number}: '{}'", shorten(line)));
                 State::Lost
             }
         }
@@ -105,12 +106,12 @@ impl ObservationDecoder {
     ) -> State {
         let name = || format!("line {number}: '{}'", shorten(line));
         let time_gps = event_time(line, self.builder.is_2()).unwrap_or_else(|()| {
-            self.skips.add("time of an event cannot be read", name);
+            self.skips.add(Reason::TimeEventUnreadable, name);
             None
         });
         let time_gps = time_gps.map(|own| self.builder.to_gps(own));
         if kind == EventKind::External && time_gps.is_none() {
-            self.skips.add("external event without a time, left out", name);
+            self.skips.add(Reason::ExternalEventWithoutTime, name);
             return skip(count);
         }
         if kind == EventKind::CycleSlips && count > 0 {
@@ -129,11 +130,11 @@ impl ObservationDecoder {
     fn epoch(&mut self, number: u64, line: &[u8], announced: usize, flag: EpochFlag) -> State {
         let own = if self.builder.is_2() { epoch_2::epoch_time(line) } else { epoch_3::epoch_time(line) };
         let Some(time_gps) = own.map(|t| self.builder.to_gps(t)) else {
-            self.skips.add("epoch line cannot be read", || format!("line {number}: '{}'", shorten(line)));
+            self.skips.add(Reason::EpochLineUnreadable, || format!("line {number}: '{}'", shorten(line)));
             return State::Lost;
         };
         if announced == 0 {
-            self.skips.add("epoch without satellites", || format!("line {number}: {time_gps}"));
+            self.skips.add(Reason::EpochWithoutSatellites, || format!("line {number}: {time_gps}"));
             return State::Between;
         }
         if let Some((reason, before)) = self.order.refuses(time_gps) {

@@ -4,6 +4,7 @@ use super::observation::{ObservationWriter, PHASE, can_be, digits, distinct, epo
 use crate::formats::rinex::label;
 use crate::formats::rinex::pending::is_comment;
 use crate::gnss::{CycleSlip, Event, EventKind};
+use crate::skips::Reason;
 
 /// Most lines that an event's line can announce.
 const MOST_LINES: usize = 999;
@@ -78,14 +79,14 @@ impl ObservationWriter {
 }
 
 /// Why a line cannot stand in an event of a file, after so many others.
-fn unfit(line: &str, before: usize) -> Option<&'static str> {
+fn unfit(line: &str, before: usize) -> Option<Reason> {
     let label = label(line.as_bytes());
     if OF_LAYOUT.iter().any(|of_layout| of_layout.as_bytes() == label) {
-        Some("header line of an event that says how its file was laid out, left out")
+        Some(Reason::LayoutLineOfEvent)
     } else if line.starts_with('>') && !is_comment(line.as_bytes()) {
-        Some("line of an event that would read as an epoch's, left out")
+        Some(Reason::EventLineLikeEpoch)
     } else if before == MOST_LINES {
-        Some("line of an event beyond the 999th, left out")
+        Some(Reason::EventLineBeyond999)
     } else {
         None
     }

@@ -9,7 +9,7 @@ use crate::frames::Ecef;
 use crate::gnss::{
     Constellation, EpochFlag, Event, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
-use crate::skips::Skips;
+use crate::skips::{Reason, Skips};
 use crate::time::{Calendar, GpsTime};
 
 /// The version that files are written in where its codes suffice.
@@ -263,11 +263,11 @@ fn equipment(e: &Equipment) -> String {
 pub(super) fn digits(value: f64, name: impl Fn() -> String, skips: &mut Skips) -> String {
     let text = format!("{value:14.3}");
     if !value.is_finite() || text.len() > 14 {
-        skips.add("value does not fit F14.3, left out", || format!("{}: {value}", name()));
+        skips.add(Reason::ValueBeyondF14, || format!("{}: {value}", name()));
     } else if text.bytes().any(|byte| (b'1'..=b'9').contains(&byte)) {
         return text;
     } else {
-        skips.add("value rounds to zero, which RINEX reads as missing", || format!("{}: {value}", name()));
+        skips.add(Reason::ValueRoundsZero, || format!("{}: {value}", name()));
     }
     " ".repeat(14)
 }

@@ -9,9 +9,10 @@ use std::collections::BTreeMap;
 
 use super::epoch::{Family, Part};
 use super::lock::LockTimes;
-use super::{MIN_PSEUDORANGE_M, NO_CHANNEL, RtcmDecoder};
+use super::{MIN_PSEUDORANGE_M, RtcmDecoder};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::gnss::{Constellation, LossOfLock, Observation, SatelliteId, SignalCode};
+use crate::skips::Reason;
 use crate::time::GpsTime;
 use fields::{Kind, Satellite, Tracked};
 
@@ -55,8 +56,9 @@ impl RtcmDecoder {
     pub(super) fn legacy_observations(&mut self, bytes: &[u8], number: u32) {
         let Some(kind) = Kind::of(number) else { return };
         if !kind.is_extended {
-            let reason = format!("message {number} is not used: pseudoranges without whole milliseconds");
-            self.skips.add(&reason, || format!("message {} of the station would have them", number + 1));
+            self.skips.add_about(Reason::MessageWithoutWholeMilliseconds, number, || {
+                format!("message {} of the station would have them", number + 1)
+            });
             return;
         }
         let Ok(message) = fields::decode(bytes, kind) else { return self.too_short(bytes, number) };
@@ -65,7 +67,7 @@ impl RtcmDecoder {
         for sent in &message.satellites {
             let Some(satellite) = self.legacy_satellite(time, kind.constellation, sent) else { continue };
             if sent.is_beyond_modulus {
-                self.skips.add("pseudorange beyond its modulus", || format!("{satellite} at {time}"));
+                self.skips.add(Reason::PseudorangeBeyondModulus, || format!("{satellite} at {time}"));
                 continue;
             }
             let signals = std::iter::once(&sent.first).chain(&sent.second);
@@ -90,11 +92,9 @@ impl RtcmDecoder {
                 }
                 return Some(SatelliteId::new(constellation, sent.number));
             }
-            (Constellation::Glonass, 0) => "GLONASS satellite of an unknown slot",
-            (Constellation::Gps, 40..=58) | (Constellation::Glonass, 33..) => {
-                "SBAS observations are not used"
-            }
-            _ => "reserved satellite number",
+            (Constellation::Glonass, 0) => Reason::GlonassSatelliteUnknownSlot,
+            (Constellation::Gps, 40..=58) | (Constellation::Glonass, 33..) => Reason::SbasObservationsNotUsed,
+            _ => Reason::ReservedSatelliteNumber,
         };
         self.skips.add(reason, || format!("{constellation:?} {} at {time}", sent.number));
         None
@@ -102,28 +102,26 @@ impl RtcmDecoder {
 
     fn tracked(&mut self, time: GpsTime, satellite: SatelliteId, tracked: &Tracked) -> Option<Observation> {
         let Some(signal) = tracked.signal else {
-            self.skips.add("reserved signal number", || format!("{satellite} on L2 at {time}"));
+            self.skips.add(Reason::ReservedSignalNumber, || format!("{satellite} on L2 at {time}"));
             return None;
         };
         if tracked.code.is_none() && tracked.phase_difference.is_none() && tracked.cn0_dbhz.is_none() {
             // Of L2 it is the rule that not every satellite has it.
             if signal.band == b'1' {
-                self.skips.add("L1 pseudorange without phase and C/N0 is not valid", || {
-                    format!("{satellite} {signal} at {time}")
-                });
+                self.skips.add(Reason::L1PseudorangeNotValid, || format!("{satellite} {signal} at {time}"));
             }
             return None;
         }
         let pseudorange_m = tracked.code.map(metres);
         if pseudorange_m.is_some_and(|p| p < MIN_PSEUDORANGE_M) || metres(tracked.base) < MIN_PSEUDORANGE_M {
-            self.skips.add("pseudorange below 1e6 m", || format!("{satellite} {signal} at {time}"));
+            self.skips.add(Reason::PseudorangeTooShort, || format!("{satellite} {signal} at {time}"));
             return None;
         }
         let of = (satellite, signal);
         let channel = self.glonass_channels.get(&satellite.number).copied();
         let frequency_hz = signal.frequency_hz(satellite.constellation, channel);
         if tracked.phase_difference.is_some() && frequency_hz.is_none() {
-            self.skips.add(NO_CHANNEL, || format!("{satellite} {signal} at {time}"));
+            self.skips.add(Reason::PhaseWithoutGlonassChannel, || format!("{satellite} {signal} at {time}"));
         }
         let phase = tracked.phase_difference.zip(frequency_hz);
         let cycle_slip = self.legacy.locks.lost(of, time, tracked.lock, phase.is_some());
