@@ -12,6 +12,7 @@ use assert_cmd::Command;
 use cofix_agent::{AgentConfig, ProductSource, Source, Stop, run};
 use cofix_common::simulation::{Scenario, Simulation};
 use cofix_common::wire::PhoneStatus;
+
 use hub_support::Hub;
 use recordings::{Recording, compact, log, rinex_2, rinex_3, rtcm, table};
 

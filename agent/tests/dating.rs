@@ -13,9 +13,10 @@ use cofix_agent::{Source, Stop};
 use cofix_common::time::GpsTime;
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use recordings::{frame, msm4};
 use rtcm_rs::msg::Msg1019T;
 use rtcm_rs::{Message, MessageBuilder};
+
+use recordings::{frame, msm4};
 
 const BEGIN: &str = "2020-06-27T23:59:58";
 const NO_DATE: &str = "no date was given: the week is that of the file's last change";

@@ -7,7 +7,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use cofix_agent::{AgentConfig, Source, link};
+use cofix_agent::publication::link;
+use cofix_agent::{AgentConfig, Source};
 use cofix_common::wire::{
     EpochMessage, PhoneStatus, StatusMessage, all_receipts_key, decode, epoch_key, status_key,
 };

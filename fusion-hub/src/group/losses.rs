@@ -1,9 +1,9 @@
 //! What agents published and the hub did not fuse.
 
-use crate::intake::NOT_ARRIVED;
 use cofix_common::fusion::align::LOSSES;
 
 use super::Group;
+use crate::network::intake::NOT_ARRIVED;
 
 impl Group {
     /// How many published epochs were not fused, by phone and reason; `None` when all were.

@@ -3,8 +3,8 @@
 use anyhow::bail;
 
 use super::{Course, Group, TICK};
-use crate::intake::Intake;
-use crate::recovery::{Question, Step};
+use crate::network::intake::Intake;
+use crate::network::recovery::{Question, Step};
 
 impl Group {
     /// Asks agents for what is missing, and gives up what they do not have.

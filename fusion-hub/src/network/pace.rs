@@ -50,7 +50,7 @@ impl Metronome {
         let due_in_s = self.due_in_s(Instant::now(), first, times).to_string();
         if let Err(error) = query.reply(query.key_expr().clone(), due_in_s).wait() {
             let phone = phone_of_key(query.key_expr().as_str()).unwrap_or("?");
-            tracing::warn!("pace for {phone} not sent: {}", cofix_agent::link::plain(&error));
+            tracing::warn!("pace for {phone} not sent: {}", cofix_agent::publication::link::plain(&error));
         }
     }
 }

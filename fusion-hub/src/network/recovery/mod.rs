@@ -13,7 +13,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::intake::{Gap, Intake};
+use crate::network::intake::{Gap, Intake};
 
 /// An agent that does not say what it keeps is not asked any more after this.
 const PATIENCE: Duration = Duration::from_secs(10);

@@ -4,7 +4,7 @@ use cofix_common::accuracy::Accuracy;
 
 use super::{Finding, Several, Severity};
 use crate::report::Report;
-use crate::scores::TruthReport;
+use crate::report::scores::TruthReport;
 
 /// Mean heights this far off, with less than half as much scatter, are another reference surface, m. The geoid is up to 106 m from
 /// the ellipsoid; an ionosphere that is not corrected moves heights by less than this on most days.
@@ -93,7 +93,7 @@ fn unmatched(report: &Report) -> Option<Finding> {
 }
 
 fn scores<'a>(report: &'a Report, name: &str) -> Option<(&'a Accuracy, &'a Accuracy)> {
-    let of = |phones: &'a crate::scores::ByPhone| phones.get(name)?.as_ref();
+    let of = |phones: &'a crate::report::scores::ByPhone| phones.get(name)?.as_ref();
     Some((of(&report.methods.local)?, of(&report.methods.joint)?))
 }
 

@@ -3,7 +3,7 @@ use cofix_common::time::GpsTime;
 use cofix_common::wire::{EpochMessage, KeptMessage, encode};
 
 use super::*;
-use crate::intake::Arrival;
+use crate::network::intake::Arrival;
 
 fn arrival(bytes: Vec<u8>) -> Arrival {
     Arrival { phone: "a".to_owned(), sender: Some("x".to_owned()), bytes }

@@ -1,8 +1,10 @@
 //! What came of a session: for machines (JSON, documented in `docs/report.md`) and for people (tables).
 
+pub mod attention;
 mod constraints;
 mod inputs;
 mod presence;
+pub mod scores;
 mod settings;
 mod table;
 mod tally;
@@ -13,16 +15,15 @@ use cofix_common::formats::phone::Typical;
 use cofix_common::skips::Skips;
 use serde::Serialize;
 
+use attention::Finding;
 pub(crate) use constraints::label;
 pub use constraints::{ConstraintReport, describe};
 pub use inputs::InputFile;
+use scores::{Methods, TruthReport};
 pub use settings::SettingsReport;
 pub(crate) use table::Verdicts;
 pub use tally::Tally;
 pub(crate) use tally::satellites_used;
-
-use crate::attention::Finding;
-use crate::scores::{Methods, TruthReport};
 
 /// Number of the form of the JSON report: it grows when a key changes its name or its meaning, or goes.
 pub const SCHEMA: u32 = 1;

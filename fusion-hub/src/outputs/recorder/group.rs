@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use cofix_common::constraint::{ConstraintAction, ConstraintOutcome};
+use cofix_common::fusion::engine::PairDistance;
 use cofix_common::recording::{CONSTRAINTS, DISTANCES};
 use cofix_common::skips::Skips;
 use rerun::{Color, TextLogLevel};
@@ -11,7 +12,6 @@ use super::entity::{Method, bound_colour, pair_name, palette, path};
 use super::rrd::{RecorderError, RrdFile};
 use super::series::{LogLines, Series, Style};
 use crate::report::label;
-use cofix_common::fusion::engine::PairDistance;
 
 /// One constraint's actions.
 #[derive(Debug)]

@@ -22,6 +22,7 @@ use anyhow::Context;
 use cofix_agent::files::{Named, OutputFile};
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Enu, LocalFrame};
+use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::integrity::Verdict;
 use cofix_common::skips::Skips;
 use cofix_common::wire::EpochMessage;
@@ -29,7 +30,6 @@ use nalgebra::Matrix3;
 
 use crate::outputs::{Fused, Opening, Sink, Written};
 use crate::report::satellites_used;
-use cofix_common::fusion::engine::FusedEpoch;
 
 /// The columns.
 pub const COLUMNS: [&str; 19] = [

@@ -2,6 +2,7 @@
 
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::LocalFrame;
+use cofix_common::fusion::engine::FusedPhone;
 use nalgebra::Vector3;
 use rerun::{Boxes3D, Color, EntityPath, Radius};
 
@@ -9,7 +10,6 @@ use super::entity::path;
 use super::rows::{Rows, Segment};
 use super::rrd::{RecorderError, RrdFile};
 use super::track::drawable;
-use cofix_common::fusion::engine::FusedPhone;
 
 /// Room around the outermost phones, m.
 const MARGIN_M: f64 = 3.0;

@@ -2,13 +2,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use cofix_common::accuracy::Accuracy;
+use cofix_common::constraint::Distance;
 use cofix_common::skips::Skips;
 
 use super::*;
-use cofix_common::constraint::Distance;
-
+use crate::report::scores::TruthReport;
 use crate::report::{ConstraintReport, PhoneReport, SameObservations};
-use crate::scores::TruthReport;
 
 fn phone() -> PhoneReport {
     PhoneReport {
@@ -71,7 +70,7 @@ fn sound() -> Report {
     let by_phone = |value: Accuracy| ["a", "b"].map(|name| (name.to_owned(), Some(value))).into();
     let truth = TruthReport { rows: 100, counted_rows: 100, ..TruthReport::default() };
     Report {
-        methods: crate::scores::Methods {
+        methods: crate::report::scores::Methods {
             wls: by_phone(accuracy()),
             local: by_phone(accuracy()),
             joint: by_phone(accuracy()),

@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use cofix_agent::status::{Board, Moment, Pulse};
 use cofix_common::constraint::{ConstraintOutcome, SkipReason};
+use cofix_common::fusion::engine::FusedEpoch;
 
 use crate::outputs::{Fused, Sink, Written};
 use crate::report::describe;
-use cofix_common::fusion::engine::FusedEpoch;
 
 /// A constraint that stays contradicted is named at most as often.
 const QUIET: Duration = Duration::from_mins(1);

@@ -1,15 +1,15 @@
 //! Bytes of any source and format to records, in order of time.
 
 use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::format::Format;
 use cofix_common::formats::gnsslogger;
+use cofix_common::formats::stream::StreamDecoder;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
 use crate::Stop;
-use crate::dating::Dated;
 use crate::input::{Bytes, Portion};
-use cofix_common::formats::format::Format;
-use cofix_common::formats::stream::StreamDecoder;
+use crate::source::dating::Dated;
 
 /// Why a source gives no records.
 #[derive(Debug, thiserror::Error)]

@@ -13,6 +13,8 @@
 //! The tables are those of [`cofix_common::settings`], and `[masks]` and `[log]`. `[constraints]` and `[alignment]` are the hub's: they are
 //! checked here, so that one file serves both, and have no effect on an agent.
 
+mod masks;
+
 use std::path::{Path, PathBuf};
 
 use cofix_common::measurement::CorrectionOptions;
@@ -22,7 +24,8 @@ use cofix_common::settings::{
 };
 use serde::Deserialize;
 
-use crate::masks::{LogOptions, MaskError, Masks, entries};
+use masks::entries;
+pub use masks::{LogOptions, MaskError, Masks};
 
 /// What a settings file says.
 #[derive(Clone, Debug, Default, PartialEq)]

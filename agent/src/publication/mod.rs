@@ -5,6 +5,10 @@
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until that is all of them.
 
+mod history;
+pub mod link;
+pub(crate) mod pace;
+
 use std::cell::Cell;
 use std::time::{Duration, Instant};
 
@@ -21,8 +25,9 @@ use zenoh::query::Reply;
 use zenoh::sample::SourceInfo;
 use zenoh::{Session, Wait};
 
-use crate::history::{Address, History};
-use crate::{Stop, link};
+use crate::Stop;
+
+use history::{Address, History};
 
 /// How often a wait for an answer looks whether it still makes sense.
 const LOOK: Duration = Duration::from_millis(200);

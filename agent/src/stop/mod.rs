@@ -1,7 +1,11 @@
 //! A request to stop, shared between threads.
 
+mod signals;
+
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
+
+pub use signals::{asked_to_end, run_until_asked_to_end};
 
 /// A flag that is set once, and that a sleeper notices at once. Clones share it.
 #[derive(Clone, Debug, Default)]

@@ -7,6 +7,7 @@ use std::io;
 use std::path::Path;
 use std::time::SystemTime;
 
+use cofix_common::formats::format::{self, Format};
 use cofix_common::formats::rtcm::{Dating, DatingHint, FIRST_WEEK, StreamDates};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -15,7 +16,6 @@ use cofix_common::time::leap_seconds_at;
 use crate::Stop;
 use crate::input::{Bytes, Portion, Recorded};
 use crate::source;
-use cofix_common::formats::format::{self, Format};
 
 /// When a recording was made, and what is to be said about it.
 pub(crate) struct Dated {

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use cofix_common::accuracy::{Accuracy, Solution, Spans, Truth, score, time_shift};
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::Ecef;
+use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
 use cofix_common::time::GpsTime;
 use serde::Serialize;
 
-use crate::recorder::Reference;
-use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
+use crate::outputs::recorder::Reference;
 
 /// Accuracy by phone; `None` for a phone that cannot be scored.
 pub type ByPhone = BTreeMap<String, Option<Accuracy>>;

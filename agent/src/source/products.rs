@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use cofix_common::atmosphere::Ionex;
 use cofix_common::formats::decode::Record;
+use cofix_common::formats::stream::StreamDecoder;
 use cofix_common::formats::text::content;
 use cofix_common::gnss::{ObservationEpoch, SatelliteId};
 use cofix_common::orbit::NavigationFile;
@@ -14,10 +15,9 @@ use cofix_common::orbit::{BiasFile, ClockFile, GlonassEphemeris, KeplerEphemeris
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
-use crate::kinds;
-use crate::source_error::{SourceError, with_hint};
+use crate::source::error::{SourceError, with_hint};
+use crate::source::kinds;
 use crate::{ProductFiles, ProductSource, Stop};
-use cofix_common::formats::stream::StreamDecoder;
 
 /// Group delays drift by a fraction of a nanosecond a month; older ones serve, but the user should know.
 const STALE_GROUP_DELAYS_S: f64 = 7.0 * 86_400.0;

@@ -68,6 +68,7 @@
 
 mod advice;
 mod constraint;
+pub mod files;
 mod rules;
 mod text;
 
@@ -75,18 +76,17 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub use cofix_agent::ProductFiles;
-use cofix_agent::masks::{LogOptions, MaskError, Masks};
 use cofix_agent::settings::in_table;
+use cofix_agent::settings::{LogOptions, MaskError, Masks};
 use cofix_agent::{CorrectionSource, Corrections};
 use cofix_common::frames::Ecef;
+use cofix_common::fusion::engine::{EngineOptions, ScheduledConstraint};
 use cofix_common::measurement::Exclusion;
 use cofix_common::pipeline::PipelineOptions;
 pub use cofix_common::settings::Preset;
 use cofix_common::settings::{CorrectionKeys, Settings as Estimator};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::check_name;
-
-use cofix_common::fusion::engine::{EngineOptions, ScheduledConstraint};
 
 /// A session that makes sense.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,7 @@
 //! All that is recorded of one phone.
 
 use cofix_common::frames::{Ecef, LocalFrame};
+use cofix_common::fusion::engine::FusedPhone;
 use cofix_common::integrity::{Cause, RaimReport, Verdict};
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
@@ -15,7 +16,6 @@ use super::series::{LogLines, Series, Style};
 use super::signals::Signals;
 use super::track::{Ellipsoid, Track, drawable, ellipsoid};
 use crate::report::satellites_used;
-use cofix_common::fusion::engine::FusedPhone;
 
 /// What a phone's epoch is recorded at.
 #[derive(Clone, Copy)]

@@ -10,16 +10,16 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use cofix_agent::status::Moment;
 use cofix_agent::{Stop, source};
+use cofix_common::fusion::align::{Aligner, NoticeKind};
+use cofix_common::fusion::engine::Engine;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
-use crate::intake::{Answer, Arrival, Intake, Notice};
+use crate::network::intake::{Answer, Arrival, Intake, Notice};
+use crate::network::recovery::Recovery;
 use crate::network::{Event, HistoryQuestions, Receipts};
 use crate::outputs::Outputs;
-use crate::recovery::Recovery;
 use crate::report::Report;
-use cofix_common::fusion::align::{Aligner, NoticeKind};
-use cofix_common::fusion::engine::Engine;
 
 use steady::Steady;
 

@@ -14,7 +14,7 @@ use zenoh::sample::SourceInfo;
 use zenoh::session::EntityGlobalId;
 use zenoh::{Session, Wait};
 
-use crate::link;
+use crate::publication::link;
 
 /// Questions that may wait for the thread that answers. More are not answered, and asked again.
 const WAITING_QUESTIONS: usize = 8;

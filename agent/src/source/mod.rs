@@ -4,11 +4,18 @@
 //! navigation messages it carries), then epoch by epoch. So it need not fit into memory, and **its own navigation messages
 //! serve the epochs before them too**, as those of a navigation file do. From a live source a message serves from its arrival on.
 
+mod dating;
+pub(crate) mod error;
+mod kinds;
+pub mod products;
+pub mod records;
+
 use std::path::Path;
 use std::slice;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use cofix_common::formats::decode::Record;
+use cofix_common::formats::format::Format;
 use cofix_common::formats::gnsslogger;
 use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
@@ -16,18 +23,15 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use cofix_common::time::leap_seconds_at;
 
-use crate::dating;
 use crate::input::ntrip::RoverPosition;
 use crate::input::{LiveSource, Recorded};
-use crate::kinds;
-use crate::products::OwnNavigation;
-use crate::records::{Records, RecordsError};
 use crate::{Source, Stop};
-use cofix_common::formats::format::Format;
 
-pub use crate::products::products;
-pub use crate::source_error::SourceError;
-use crate::source_error::{no_epoch, with_hint};
+pub use error::SourceError;
+use error::{no_epoch, with_hint};
+use products::OwnNavigation;
+pub use products::products;
+use records::{Records, RecordsError};
 
 const KIND: &str = cofix_common::formats::kinds::OBSERVATIONS;
 

@@ -1,25 +1,27 @@
 //! Where fused epochs go: counts, scores, progress, and a list of sinks, each on its own: listeners, status, files.
 
+pub mod positions;
 mod publisher;
+pub mod recorder;
 mod recording;
 mod sink;
 mod states;
+mod status;
 
 use std::fmt::Display;
 use std::path::PathBuf;
 
 use cofix_agent::files::Named;
 use cofix_agent::status::Moment;
+use cofix_common::fusion::engine::FusedEpoch;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::network::FusedPublisher;
-use crate::positions;
+use crate::report::scores::Scores;
 use crate::report::{Report, SCHEMA, Tally};
-use crate::scores::Scores;
-use crate::status::Status;
-use cofix_common::fusion::engine::FusedEpoch;
 
 pub use sink::{Fused, Opening, Sink, Written};
+use status::Status;
 
 /// The files that are written on request.
 #[derive(Clone, Debug, Default, clap::Args)]
