@@ -327,7 +327,7 @@ fn finish(
     skips: &Skips,
     stop: &Stop,
 ) -> Result<(), AgentError> {
-    if matches!(outcome, Err(AgentError::Publication(PublicationError::Refused(_)))) {
+    if matches!(outcome, Err(AgentError::Publication(PublicationError::UnknownPhone { .. }))) {
         return Ok(());
     }
     // A live source has no other end than a request to stop.

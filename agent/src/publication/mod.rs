@@ -8,14 +8,16 @@
 mod history;
 pub mod link;
 pub(crate) mod pace;
+mod receipt;
 
 use std::cell::Cell;
 use std::time::{Duration, Instant};
 
 use cofix_common::time::GpsTime;
 use cofix_common::wire::{
-    EpochMessage, KeyNameError, PhoneStatus, StatusMessage, WireError, encode, epoch_key, history_key,
-    liveliness_key, pace_key, receipt_key, status_key,
+    EpochMessage, KeyNameError, PaceMessage, PhoneStatus, Receipt, ReceiptMessage, StatusMessage,
+    WIRE_VERSION, WireError, check_name, decode, encode, epoch_key, history_key, liveliness_key, pace_key,
+    receipt_key, status_key,
 };
 use zenoh::bytes::ZBytes;
 use zenoh::liveliness::LivelinessToken;
@@ -28,6 +30,7 @@ use zenoh::{Session, Wait};
 use crate::Stop;
 
 use history::{Address, History};
+use receipt::{ReceiptWait, UNANSWERED};
 
 /// How often a wait for an answer looks whether it still makes sense.
 const LOOK: Duration = Duration::from_millis(200);
@@ -35,14 +38,8 @@ const LOOK: Duration = Duration::from_millis(200);
 const POLL: Duration = Duration::from_millis(5);
 /// Longest wait for the hub's answer whether it knows the phone.
 const INTRODUCTION: Duration = Duration::from_secs(2);
-/// Longest wait for an answer about receipts while the hub is connected: on a slow link what was published before the question is still on its way.
-const UNANSWERED: Duration = Duration::from_mins(10);
-/// Longest wait for receipts without progress once asked to stop.
-const LAST_WORDS: Duration = Duration::from_secs(1);
 /// How long the hub may take to tell when a recording's first epoch is due.
 const PACE_ANSWER: Duration = Duration::from_secs(2);
-/// Farthest from now that a first epoch may be due, s.
-const LONGEST_TO_FIRST_S: f64 = 3_600.0;
 /// How often it is said that the hub has not answered yet.
 const REMINDER: Duration = Duration::from_secs(15);
 
@@ -58,9 +55,19 @@ pub enum PublicationError {
     /// Zenoh refuses.
     #[error("Zenoh: {0}")]
     Zenoh(String),
-    /// The hub does not want this phone.
-    #[error("the hub refuses the phone: {0}")]
-    Refused(String),
+    /// The hub's session has no phone of this name.
+    #[error("the hub refuses the phone: the session has no phone '{phone}'; it has {}", known.join(", "))]
+    UnknownPhone {
+        /// The phone.
+        phone: String,
+        /// The session's phones.
+        known: Vec<String>,
+    },
+    /// The hub's receipt is no message of this version.
+    #[error(
+        "the hub's receipt cannot be read: {0} (this agent speaks wire version {WIRE_VERSION}; receipts of version 1 are text)"
+    )]
+    Receipt(WireError),
     /// Nobody subscribes.
     #[error(
         "connected, but no hub listens for group '{group}' within {waited_s:.0} s: does it run this group?"
@@ -191,7 +198,7 @@ impl Publication {
     /// A hub that is connected and has not answered yet is waited for up to ten minutes: the question waits behind the epochs on a slow
     /// link. How many it has; `None` when it never answered.
     pub fn wait_for_receipt(&self, patience: Duration, stop: &Stop) -> Option<u64> {
-        let mut wait = ReceiptWait { patience, known: None, progress: Instant::now() };
+        let mut wait = ReceiptWait::new(patience);
         let reminded = Cell::new(Instant::now());
         while wait.known.is_none_or(|known| known.settled() < self.published) {
             let goes_on = || {
@@ -203,9 +210,12 @@ impl Publication {
                         self.published
                     );
                 }
-                wait.progress.elapsed() < wait.limit(stop.is_requested(), self.is_connected())
+                wait.goes_on(stop.is_requested(), self.is_connected())
             };
-            let Ok(answer) = self.ask_for_receipt(UNANSWERED, &goes_on) else { break };
+            let asked = self.ask_for_receipt(UNANSWERED, &goes_on);
+            let Ok(answer) = asked.inspect_err(|error| tracing::warn!("{}: {error}", self.phone)) else {
+                break;
+            };
             if answer.is_none() && !goes_on() || wait.is_enough(answer) {
                 break;
             }
@@ -220,9 +230,11 @@ impl Publication {
         let question = format!("{}?first={};speed={times}", self.pace_key, first.nanos());
         let Ok(replies) = self.session.get(&question).timeout(PACE_ANSWER).wait() else { return 0.0 };
         let answer = |reply: Reply| {
-            let bytes = reply.result().ok()?.payload().to_bytes().into_owned();
-            let due_in_s: f64 = std::str::from_utf8(&bytes).ok()?.parse().ok()?;
-            (due_in_s.abs() <= LONGEST_TO_FIRST_S).then_some(due_in_s)
+            let sample = reply.into_result().ok()?;
+            let answer = due_in_s(&sample.payload().to_bytes());
+            answer
+                .inspect_err(|error| tracing::warn!("{}: the hub's pace is not used: {error}", self.phone))
+                .ok()
         };
         replies.into_iter().find_map(answer).unwrap_or(0.0)
     }
@@ -241,26 +253,23 @@ impl Publication {
         let replies = self.session.get(&self.receipt_key).timeout(UNANSWERED).wait();
         let Ok(replies) = replies else { return Ok(None) };
         let asked = Instant::now();
+        let mut unreadable = None;
         loop {
             let reply = match replies.recv_timeout(LOOK) {
                 Ok(Some(reply)) => reply,
                 Ok(None) if asked.elapsed() < timeout && goes_on() => continue,
-                Ok(None) | Err(_) => return Ok(None),
+                Ok(None) => return Ok(None),
+                Err(_) => return unreadable.map_or(Ok(None), |error| Err(PublicationError::Receipt(error))),
             };
-            match reply.result() {
-                Ok(sample) => {
-                    let receipt = std::str::from_utf8(&sample.payload().to_bytes()).ok().and_then(parse);
-                    if receipt.is_some() {
-                        return Ok(receipt);
-                    }
+            // An error is Zenoh's own: nobody has answered in time.
+            let Ok(sample) = reply.result() else { continue };
+            match decode(&sample.payload().to_bytes()) {
+                Ok(ReceiptMessage::Run(receipt)) => return Ok(Some(receipt)),
+                Ok(ReceiptMessage::UnknownPhone { mut known }) => {
+                    known.retain(|name| check_name(name).is_ok());
+                    return Err(PublicationError::UnknownPhone { phone: self.phone.clone(), known });
                 }
-                Err(error) => {
-                    let text = String::from_utf8_lossy(&error.payload().to_bytes()).into_owned();
-                    // Zenoh answers a question that nobody answered in time.
-                    if text.starts_with("the session") {
-                        return Err(PublicationError::Refused(text));
-                    }
-                }
+                Err(error) => unreadable = Some(error),
             }
         }
     }
@@ -276,55 +285,6 @@ impl Publication {
         self.alive.undeclare().wait().map_err(zenoh_error)?;
         self.session.close().wait().map_err(zenoh_error)
     }
-}
-
-/// How long receipts are waited for.
-struct ReceiptWait {
-    patience: Duration,
-    /// What the hub said last that was more than before.
-    known: Option<Receipt>,
-    progress: Instant,
-}
-
-impl ReceiptWait {
-    /// How long an answer may take: of a hub that is connected, all that was published before the question may still be on its way.
-    fn limit(&self, stop_is_requested: bool, is_connected: bool) -> Duration {
-        match (stop_is_requested, is_connected) {
-            (true, _) => self.patience.min(LAST_WORDS),
-            (false, true) => self.patience.max(UNANSWERED),
-            (false, false) => self.patience,
-        }
-    }
-
-    /// Takes an answer in; whether it is the last one, since the hub has not got more for long enough.
-    fn is_enough(&mut self, answer: Option<Receipt>) -> bool {
-        if answer.map(Receipt::settled) > self.known.map(Receipt::settled) {
-            (self.known, self.progress) = (answer, Instant::now());
-        }
-        answer.is_some() && self.progress.elapsed() >= self.patience
-    }
-}
-
-/// What a hub says of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Receipt {
-    /// Epochs that it has.
-    received: u64,
-    /// Epochs that it misses and does not expect any more.
-    lost: u64,
-}
-
-impl Receipt {
-    /// How many are decided.
-    const fn settled(self) -> u64 {
-        self.received.saturating_add(self.lost)
-    }
-}
-
-/// Reads `<received>` or `<received> lost <lost>`.
-fn parse(text: &str) -> Option<Receipt> {
-    let (received, lost) = text.split_once(" lost ").unwrap_or((text, "0"));
-    Some(Receipt { received: received.parse().ok()?, lost: lost.parse().ok()? })
 }
 
 fn declare(session: &Session, key: String) -> Result<ZenohPublisher<'static>, PublicationError> {
@@ -345,33 +305,8 @@ fn listened(publisher: &ZenohPublisher<'_>) -> Result<bool, PublicationError> {
     publisher.matching_status().wait().map(|status| status.matching()).map_err(zenoh_error)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_hub_that_is_connected_is_waited_for_until_it_answers() {
-        let patience = Duration::from_mins(20);
-        let mut wait =
-            ReceiptWait { patience: Duration::from_secs(10), known: None, progress: Instant::now() };
-        assert_eq!(wait.limit(false, true), UNANSWERED, "what it has is still on its way");
-        assert_eq!(wait.limit(false, false), Duration::from_secs(10), "the connection is lost");
-        assert_eq!(wait.limit(true, true), LAST_WORDS);
-        wait.patience = patience;
-        let receipt = |received| Some(Receipt { received, lost: 1 });
-        assert!(!wait.is_enough(receipt(3)) && !wait.is_enough(receipt(2)) && !wait.is_enough(None));
-        assert_eq!(wait.known, receipt(3));
-        wait.patience = Duration::ZERO;
-        assert!(!wait.is_enough(None), "no answer says nothing");
-        assert!(wait.is_enough(receipt(3)), "it has had no more for long enough");
-    }
-
-    #[test]
-    fn receipts_are_read() {
-        assert_eq!(parse("640"), Some(Receipt { received: 640, lost: 0 }));
-        assert_eq!(parse("40 lost 600"), Some(Receipt { received: 40, lost: 600 }));
-        for text in ["", "-1", "many", "40 lost ", "40 lost 1 lost 2", "99999999999999999999"] {
-            assert_eq!(parse(text), None, "{text}");
-        }
-    }
+/// The time in a message about the pace, s from now.
+fn due_in_s(bytes: &[u8]) -> Result<f64, Box<dyn std::error::Error>> {
+    let PaceMessage { due_in_s } = decode::<PaceMessage>(bytes)?.validate()?;
+    Ok(due_in_s)
 }

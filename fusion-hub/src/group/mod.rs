@@ -302,7 +302,7 @@ impl Group {
     fn take_in(&mut self, arrival: &Arrival) {
         let Some(phone) = self.intake.index(&arrival.phone) else { return };
         if let Some(sender) = &arrival.sender {
-            self.receipts.note(&arrival.phone, sender, self.intake.received(phone, sender));
+            self.receipts.note(&arrival.phone, sender, self.intake.receipt(phone, sender));
         }
         self.align(phone);
         self.end_if_complete(phone);

@@ -10,12 +10,12 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use cofix_agent::publication::link;
 use cofix_common::wire::{
-    FusedMessage, all_epochs_key, all_liveliness_key, all_paces_key, all_receipts_key, all_status_key,
-    encode, fused_key, phone_of_key,
+    FusedMessage, WireMessage, all_epochs_key, all_liveliness_key, all_paces_key, all_receipts_key,
+    all_status_key, encode, fused_key, phone_of_key,
 };
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
-use zenoh::query::Queryable;
+use zenoh::query::{Query, Queryable};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
@@ -227,4 +227,14 @@ fn watch(session: &Session, key: &str, sender: SyncSender<Event>) -> anyhow::Res
         })
         .wait()
         .map_err(zenoh_error)
+}
+
+/// Answers the question of a phone's agent.
+fn reply(query: &Query, what: &str, message: &impl WireMessage) {
+    let key = query.key_expr();
+    let reply = encode(message).map_err(Into::into).and_then(|bytes| query.reply(key, bytes).wait());
+    if let Err(error) = reply {
+        let phone = phone_of_key(key.as_str()).unwrap_or("?");
+        tracing::warn!("{what} for {phone} not sent: {}", link::plain(&error));
+    }
 }

@@ -8,7 +8,7 @@ mod desk;
 mod run;
 
 use cofix_common::skips::Skips;
-use cofix_common::wire::{EpochMessage, KeptMessage, MessageKind, StatusMessage, WireError, decode};
+use cofix_common::wire::{EpochMessage, KeptMessage, MessageKind, Receipt, StatusMessage, WireError, decode};
 
 use desk::Desk;
 pub use run::Gap;
@@ -249,9 +249,9 @@ impl Intake {
     }
 
     /// How many epochs of a sender's run are here, and how many are given up.
-    pub fn received(&self, phone: usize, sender: &str) -> (u64, u64) {
+    pub fn receipt(&self, phone: usize, sender: &str) -> Receipt {
         let run = self.desks.get(phone).and_then(|desk| desk.runs.get(sender));
-        run.map_or((0, 0), |run| (run.received, run.lost))
+        run.map_or(Receipt::default(), |run| Receipt { received: run.received, lost: run.lost })
     }
 
     /// How many epochs the phones' agents have announced.

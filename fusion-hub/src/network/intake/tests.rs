@@ -33,6 +33,12 @@ fn finished(phone: &str, epochs_published: u64) -> Vec<u8> {
     status(phone, PhoneStatus::Finished { epochs_published, skips: Skips::default(), error: None })
 }
 
+/// Epochs that are here, and those that are given up.
+fn receipt(intake: &Intake, phone: usize, sender: &str) -> (u64, u64) {
+    let Receipt { received, lost } = intake.receipt(phone, sender);
+    (received, lost)
+}
+
 #[test]
 fn a_run_is_complete_when_all_its_epochs_are_here() {
     let mut intake = intake();
@@ -50,7 +56,7 @@ fn a_run_is_complete_when_all_its_epochs_are_here() {
     assert_eq!((intake.shortfall(0), intake.is_complete(0)), (Some(1), false));
     intake.epoch(&from("x", "a", encode(&epoch("a", 2)).unwrap()));
     assert!(intake.is_complete(0) && !intake.is_complete(1));
-    let received = [(0, "x"), (0, "y"), (1, "x")].map(|(phone, sender)| intake.received(phone, sender));
+    let received = [(0, "x"), (0, "y"), (1, "x")].map(|(phone, sender)| receipt(&intake, phone, sender));
     assert_eq!(received, [(3, 0), (0, 0), (0, 0)]);
 }
 
@@ -136,7 +142,7 @@ fn anonymous_senders_do_not_push_out_the_current_run() {
     for sender in 0..1_000 {
         intake.epoch(&from(&format!("s{sender}"), "a", encode(&epoch("a", 0)).unwrap()));
     }
-    assert_eq!(intake.received(0, "x"), (1, 0));
+    assert_eq!(receipt(&intake, 0, "x"), (1, 0));
 }
 
 #[test]
@@ -244,7 +250,7 @@ fn what_is_given_up_is_counted_and_the_rest_goes_on() {
     assert_eq!(ready(&mut intake), [5]);
     assert_eq!(intake.skip(0, "x", 100, "not sent"), 1);
     assert_eq!(ready(&mut intake), [7]);
-    assert_eq!((intake.received(0, "x"), intake.lost(0)), ((2, 6), 6));
+    assert_eq!((receipt(&intake, 0, "x"), intake.lost(0)), ((2, 6), 6));
     let skips = intake.phone_skips(0).unwrap();
     assert_eq!(skips.count("published epochs did not arrive"), 6);
     assert!(skips.to_string().contains("5 from sequence 0 on: not kept"), "{skips}");
@@ -260,7 +266,7 @@ fn the_end_hands_out_what_waits() {
     }
     intake.release_all();
     assert_eq!(ready(&mut intake), [1, 3, 4]);
-    assert_eq!((intake.received(0, "x"), gap(&intake)), ((3, 2), None));
+    assert_eq!((receipt(&intake, 0, "x"), gap(&intake)), ((3, 2), None));
 }
 
 #[test]
@@ -270,7 +276,7 @@ fn no_more_than_so_many_messages_wait() {
     for sequence in 1..=most + 10 {
         send(&mut intake, sequence);
     }
-    assert_eq!(intake.received(0, "x").0, most);
+    assert_eq!(intake.receipt(0, "x").received, most);
     send(&mut intake, 0);
     assert_eq!(ready(&mut intake).len() as u64, most + 1);
     assert_eq!(gap(&intake), Some((most + 1, most + 11, false)), "the agent has them");
