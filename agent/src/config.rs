@@ -9,11 +9,11 @@ use cofix_common::formats::gnsslogger;
 use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::orbit::Products;
+use cofix_common::pipeline::PipelineOptions;
 use cofix_common::time::GpsTime;
 
 use crate::corrections::Corrections;
 use crate::input::LiveSource;
-use cofix_common::pipeline::PipelineOptions;
 
 /// Everything about one agent's run.
 #[derive(Clone, Debug)]

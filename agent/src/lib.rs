@@ -13,25 +13,15 @@
 mod config;
 pub mod convert;
 pub mod corrections;
-mod dating;
 pub mod files;
-mod history;
 pub mod input;
 pub mod inspect;
-pub mod kinds;
-pub mod link;
-pub mod masks;
-mod pace;
-pub mod products;
 pub mod publication;
-pub mod records;
 mod run;
 pub mod settings;
-pub mod signals;
 pub mod source;
-mod source_error;
 pub mod status;
-mod stop;
+pub mod stop;
 
 pub use config::{AgentConfig, ProductFiles, ProductSource, Source, Speed, SpeedError};
 pub use corrections::{CorrectionSource, Corrections};

@@ -5,18 +5,19 @@ mod watch;
 
 use std::process::ExitCode;
 
-use arguments::{Arguments, Command, Convert, Files, Inspect};
 use clap::Parser;
 use cofix_agent::convert::Outputs;
 use cofix_agent::input::ntrip::{self, Caster};
 use cofix_agent::inspect::InspectOptions;
-use cofix_agent::masks::Masks;
 use cofix_agent::settings::FileSettings;
-use cofix_agent::signals::run_until_asked_to_end;
+use cofix_agent::settings::Masks;
 use cofix_agent::source::Reading;
+use cofix_agent::stop::run_until_asked_to_end;
 use cofix_agent::{AgentConfig, ProductSource, Stop};
 use cofix_common::measurement::DifferentialCounts;
 use cofix_console::{LevelFilter, Lines, conclude, print, say_error, start_log};
+
+use arguments::{Arguments, Command, Convert, Files, Inspect};
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();

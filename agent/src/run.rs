@@ -4,20 +4,19 @@ use std::sync::Arc;
 
 use cofix_common::measurement::DifferentialCounts;
 use cofix_common::orbit::Products;
+use cofix_common::pipeline::PhonePipeline;
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::{EpochMessage, PhoneStatus, check_name};
 
 use crate::corrections::{Feed, News};
 use crate::input::ntrip::RoverPosition;
-use crate::link::{self, LinkError};
-use crate::pace::Pace;
-use crate::products::{Loaded, OwnNavigation, note_shortcomings};
+use crate::publication::link::{self, LinkError};
+use crate::publication::pace::Pace;
 use crate::publication::{Publication, PublicationError, Publisher};
+use crate::source::products::{Loaded, OwnNavigation, note_shortcomings};
 use crate::source::{self, Opened, Reading, SourceError};
-use crate::source_error;
 use crate::{AgentConfig, Source, Speed, Stop};
-use cofix_common::pipeline::PhonePipeline;
 
 /// Why an agent's run failed.
 #[derive(Debug, thiserror::Error)]
@@ -313,7 +312,7 @@ impl Work<'_> {
 fn some_epoch(config: &AgentConfig, published: u64, skips: &Skips, stop: &Stop) -> Result<(), AgentError> {
     match &config.source {
         Source::Live { from, .. } if published == 0 && !stop.is_requested() => {
-            let cause = format!("it ended without one epoch{}", source_error::and_skipped(skips));
+            let cause = format!("it ended without one epoch{}", source::error::and_skipped(skips));
             Err(SourceError::Live { name: from.to_string(), cause: std::io::Error::other(cause) }.into())
         }
         _ => Ok(()),
@@ -328,7 +327,7 @@ fn finish(
     skips: &Skips,
     stop: &Stop,
 ) -> Result<(), AgentError> {
-    if matches!(outcome, Err(AgentError::Publication(PublicationError::Refused(_)))) {
+    if matches!(outcome, Err(AgentError::Publication(PublicationError::UnknownPhone { .. }))) {
         return Ok(());
     }
     // A live source has no other end than a request to stop.

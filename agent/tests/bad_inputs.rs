@@ -17,6 +17,7 @@ use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use flate2::Compression;
 use flate2::write::GzEncoder;
+
 use recordings::{Recording, compact, frame, log, msm4, rinex_2, rinex_3, rtcm, spare_log, table};
 
 /// Epochs of an undamaged recording.

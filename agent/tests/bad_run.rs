@@ -13,6 +13,7 @@ use cofix_agent::{AgentConfig, ProductSource, Source, Stop, run};
 use cofix_common::simulation::{Scenario, Simulation};
 use cofix_common::skips::Reason;
 use cofix_common::wire::PhoneStatus;
+
 use hub_support::Hub;
 use recordings::{Recording, compact, log, rinex_2, rinex_3, rtcm, table};
 
@@ -83,5 +84,22 @@ fn the_command_line_names_what_was_skipped() {
         {
             assert_eq!(said.matches(reason).count(), 1, "{}: '{reason}' in {said}", recording.name);
         }
+    }
+}
+
+#[test]
+fn a_hub_of_another_version_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("good");
+    std::fs::write(&path, rinex_3(10).bytes()).unwrap();
+    let orbits = Simulation::new(Scenario::default()).unwrap();
+    let answers: [fn(u64) -> Vec<u8>; 2] =
+        [|received| received.to_string().into(), |_| b"CX\x63\0\x04".into()];
+    for (answer, due) in answers.into_iter().zip(["1 bytes is shorter", "wire version 99"]) {
+        let hub = Hub::listen_and_answer(answer);
+        let products = ProductSource::Loaded(Arc::new(orbits.products()));
+        let config = AgentConfig { products, ..hub.agent(Source::File(path.clone())) };
+        let error = run(&config, &Stop::default()).unwrap_err().to_string();
+        assert!(error.contains(due) && error.contains("this agent speaks wire version 2"), "{error}");
     }
 }

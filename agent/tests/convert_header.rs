@@ -11,6 +11,7 @@ use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::frames::{Ecef, Geodetic};
 use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
+
 use recordings::{frame, log, msm4_of, rinex_3, rtcm};
 
 /// Converts recordings, one after the other, into one file, which is read back.

@@ -24,9 +24,10 @@ use cofix_common::orbit::{KeplerEphemeris, Products};
 use cofix_common::simulation::{PhoneOptions, Scenario, SimulatedEpoch, Simulation};
 use cofix_common::skips::Reason;
 use cofix_common::wire::EpochMessage;
-use hub_support::Hub;
 use rtcm_rs::msg::Msg1019T;
 use rtcm_rs::{Message, MessageBuilder};
+
+use hub_support::Hub;
 
 /// Runs an agent to the end of its recording.
 fn run_agent(hub: &Hub, source: Source, products: ProductSource, corrections: Corrections) -> AgentReport {

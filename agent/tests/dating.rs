@@ -14,9 +14,10 @@ use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use recordings::{frame, msm4};
 use rtcm_rs::msg::Msg1019T;
 use rtcm_rs::{Message, MessageBuilder};
+
+use recordings::{frame, msm4};
 
 const BEGIN: &str = "2020-06-27T23:59:58";
 const NO_DATE: &str = Reason::NoDateGiven.text();

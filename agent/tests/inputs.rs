@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use cofix_agent::Stop;
 use cofix_agent::input::{Backoff, Bytes, Connected, Followed, Piped};
-use cofix_agent::records::{Records, RecordsError};
+use cofix_agent::source::records::{Records, RecordsError};
 use cofix_common::formats::decode::Record;
 use cofix_common::formats::format::Format;
 use cofix_common::gnss::ObservationEpoch;

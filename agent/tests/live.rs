@@ -14,6 +14,7 @@ use cofix_agent::input::{Backoff, LiveSource};
 use cofix_agent::{AgentConfig, AgentReport, Source, Speed, Stop, run};
 use cofix_common::skips::Reason;
 use cofix_common::wire::PhoneStatus;
+
 use hub_support::Hub;
 
 const HEADER: &str = "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE

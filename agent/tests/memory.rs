@@ -12,6 +12,7 @@ use cofix_agent::source::{Reading, survey};
 use cofix_agent::{Source, Stop};
 use cofix_common::time::GpsTime;
 use peak_alloc::PeakAlloc;
+
 use recordings::{Recording, compact, log, rinex_2, rinex_3, rtcm, table};
 
 #[global_allocator]

@@ -9,11 +9,12 @@ mod recordings;
 use std::io::{Read, Write};
 use std::net::TcpListener;
 
-use caster::{CHUNKED, NOT_READ, TestCaster, chunked, exhaust, frame, frames, head, in_portions, read_head};
 use cofix_agent::Stop;
 use cofix_agent::input::ntrip::{Caster, RoverPosition, sourcetable};
 use cofix_common::frames::Geodetic;
 use cofix_common::skips::Reason;
+
+use caster::{CHUNKED, NOT_READ, TestCaster, chunked, exhaust, frame, frames, head, in_portions, read_head};
 
 #[test]
 fn a_caster_of_the_second_revision_is_asked_and_its_chunks_joined() {

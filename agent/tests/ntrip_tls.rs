@@ -12,16 +12,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use cofix_common::skips::Reason;
-
-use caster::{CHUNKED, NOT_READ, TestCaster, chunked, exhaust, frames, head, in_portions};
 use cofix_agent::Stop;
 use cofix_agent::input::Trust;
 use cofix_agent::input::ntrip::{Caster, RoverPosition, sourcetable};
+use cofix_common::skips::Reason;
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair};
 use rustls::ServerConfig;
 use rustls::crypto::ring;
 use rustls::pki_types::{PrivateKeyDer, PrivatePkcs8KeyDer};
+
+use caster::{CHUNKED, NOT_READ, TestCaster, chunked, exhaust, frames, head, in_portions};
 
 /// An authority, and the file that its certificate is in.
 struct Authority {
@@ -72,7 +72,7 @@ fn server(certificate: rustls::pki_types::CertificateDer<'static>, key: &KeyPair
 const NOW: std::ops::Range<i32> = 2020..4000;
 
 /// What is said in the end of a stream that gives nothing; never the password.
-fn failure(records: &mut cofix_agent::records::Records) -> String {
+fn failure(records: &mut cofix_agent::source::records::Records) -> String {
     let error = exhaust(records).unwrap_err().to_string();
     assert!(!error.contains("cret"), "{error}");
     error

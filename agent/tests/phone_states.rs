@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use cofix_agent::masks::{LogOptions, Masks};
+use cofix_agent::settings::{LogOptions, Masks};
 use cofix_agent::source::{Reading, open_file, survey};
 use cofix_agent::{Source, Stop};
 use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};

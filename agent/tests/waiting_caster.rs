@@ -12,13 +12,14 @@ use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::time::Duration;
 
-use caster::{head, read_head};
 use cofix_agent::input::{Backoff, LiveSource};
 use cofix_agent::{
     AgentConfig, AgentReport, CorrectionSource, Corrections, ProductSource, Source, Stop, run,
 };
 use cofix_common::frames::{Ecef, Geodetic};
 use cofix_common::orbit::Products;
+
+use caster::{head, read_head};
 use hub_support::Hub;
 use recordings::rinex_3;
 

@@ -18,7 +18,7 @@ use cofix_common::pipeline::PhonePipeline;
 use cofix_common::simulation::Scenario;
 use cofix_hub::demo;
 use cofix_hub::replay::Plan;
-use cofix_hub::scores::{Methods, Scores};
+use cofix_hub::report::scores::{Methods, Scores};
 use cofix_hub::simulate::Kind;
 
 /// Percentiles of one phone by one method, over the seeds.

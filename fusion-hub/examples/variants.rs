@@ -24,7 +24,7 @@ use cofix_common::orbit::Products;
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::wire::EpochMessage;
 use cofix_hub::replay::{Plan, read_truths};
-use cofix_hub::scores::{ByPhone, Methods, Scores};
+use cofix_hub::report::scores::{ByPhone, Methods, Scores};
 use cofix_hub::session::Session;
 
 /// A way to run a session.

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use cofix_agent::files::{Named, OutputFile, check_absent, check_outputs};
-use cofix_hub::attention;
 use cofix_hub::outputs::{OutputFiles, Written};
 use cofix_hub::replay::Outcome;
 use cofix_hub::report::InputFile;
+use cofix_hub::report::attention;
 
 /// The report's file, and what goes into it beside the session's outcome.
 #[derive(Debug)]

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use anyhow::Context;
 use cofix_agent::{ProductSource, Source};
 use cofix_common::accuracy::{Truth, TruthPoint};
+use cofix_common::fusion::engine::ScheduledConstraint;
 use cofix_common::simulation::{Scenario, Simulation};
 use cofix_common::skips::Skips;
 
 use crate::replay::{Plan, PlannedPhone};
 use crate::session::Settings;
 use crate::simulate::Kind;
-use cofix_common::fusion::engine::ScheduledConstraint;
 
 /// Truth rows of a simulation count as fixed.
 pub(crate) const QUALITY: u8 = 1;

@@ -7,20 +7,12 @@
 //! Zenoh's threads only put bytes into a bounded channel; one thread does everything else, in [`group`]. What it computes
 //! depends on the messages of each phone and not on how those of different phones interleave.
 
-pub mod attention;
 pub mod demo;
-pub mod files;
 pub mod group;
-pub mod intake;
 pub mod live;
 pub mod network;
 pub mod outputs;
-pub mod positions;
-pub mod recorder;
-pub mod recovery;
 pub mod replay;
 pub mod report;
-pub mod scores;
 pub mod session;
 pub mod simulate;
-pub mod status;

@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use cofix_agent::status::Moment;
 use cofix_agent::{Stop, source};
+use cofix_common::fusion::align::{AlignOptions, Aligner};
+use cofix_common::fusion::engine::Engine;
 use zenoh::qos::CongestionControl;
 
 use crate::group::{Course, Group, Parts};
@@ -11,10 +13,8 @@ use crate::network::Network;
 use crate::outputs::{OutputFiles, Outputs};
 use crate::replay::{Outcome, outcome, read_truths_counted};
 use crate::report::SettingsReport;
-use crate::scores::Scores;
+use crate::report::scores::Scores;
 use crate::session::Session;
-use cofix_common::fusion::align::{AlignOptions, Aligner};
-use cofix_common::fusion::engine::Engine;
 
 /// How a live hub runs.
 #[derive(Clone, Debug)]

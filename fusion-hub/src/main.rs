@@ -6,18 +6,19 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use arguments::{ReportPlan, conclude};
 use clap::{Parser, Subcommand, ValueEnum};
-use cofix_agent::signals::run_until_asked_to_end;
+use cofix_agent::stop::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
 use cofix_common::settings::Preset;
 use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
-use cofix_hub::files::{inputs, live_inputs};
 use cofix_hub::live::{self, LiveOptions};
 use cofix_hub::outputs::OutputFiles;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_hub::session::Session;
+use cofix_hub::session::files::{inputs, live_inputs};
 use cofix_hub::simulate::{self, simulate};
+
+use arguments::{ReportPlan, conclude};
 
 /// Where the demonstration is recorded.
 const DEMO_RECORDING: &str = "cofix-demo.rrd";

@@ -6,28 +6,28 @@ use std::path::Path;
 use std::thread::{Builder, JoinHandle};
 
 use anyhow::{Context, anyhow, bail};
-use cofix_agent::masks::{LogOptions, MaskError};
+use cofix_agent::settings::{LogOptions, MaskError};
 use cofix_agent::source::{self, Reading};
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
 use cofix_common::accuracy::Truth;
 use cofix_common::formats::decode::Record;
 use cofix_common::formats::packing::decompress;
 use cofix_common::formats::{gnsslogger, truth};
+use cofix_common::fusion::align::Aligner;
+use cofix_common::fusion::engine::{Engine, ScheduledConstraint};
 use cofix_common::measurement::Exclusion;
 use cofix_common::pipeline::PipelineOptions;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use zenoh::qos::CongestionControl;
 
-use crate::attention;
 use crate::group::{Course, Group, Parts};
 use crate::network::{Event, Network};
 use crate::outputs::{OutputFiles, Outputs, Written};
+use crate::report::attention;
+use crate::report::scores::Scores;
 use crate::report::{Report, SettingsReport};
-use crate::scores::Scores;
 use crate::session::{Session, SessionPhone, Settings};
-use cofix_common::fusion::align::Aligner;
-use cofix_common::fusion::engine::{Engine, ScheduledConstraint};
 
 /// A port on loopback that the system chooses.
 const LOOPBACK: &str = "tcp/127.0.0.1:0";

@@ -58,7 +58,7 @@ fn every_block_of_toml_is_a_session_or_settings() {
 /// The example at the head of the session's source.
 #[test]
 fn the_documented_session_is_read() {
-    let source = include_str!("../src/session.rs");
+    let source = include_str!("../src/session/mod.rs");
     let lines = source.lines().map_while(|line| line.strip_prefix("//!"));
     let text: Vec<&str> = lines.map(|line| line.strip_prefix(' ').unwrap_or(line)).collect();
     let text = text.join("\n");

@@ -6,7 +6,8 @@ mod support;
 
 use std::time::Duration;
 
-use cofix_hub::recorder::Recorder;
+use cofix_hub::outputs::recorder::Recorder;
+
 use support::Session;
 
 #[test]

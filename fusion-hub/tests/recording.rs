@@ -13,10 +13,11 @@ use cofix_common::integrity::Verdict;
 use cofix_common::measurement::Usage;
 use cofix_common::recording::{APPLICATION_ID, TIMELINE};
 use cofix_common::skips::Reason;
-use cofix_hub::recorder::{Recorded, Recorder, RecorderError, Reference};
+use cofix_hub::outputs::recorder::{Recorded, Recorder, RecorderError, Reference};
 use rerun::external::re_log_types::StoreId;
 use rerun::log::Chunk;
 use rerun::{ChunkStore, ChunkStoreConfig};
+
 use support::{ACCURACY, MESSAGE_LEAD_S, Session, start};
 
 const SMALL: Session = Session { epochs: 20, phones: 2, satellites: 6, seed: 7 };

@@ -94,10 +94,10 @@ fn reports_of_two_runs_are_the_same() {
 #[test]
 fn every_kind_of_finding_is_documented() {
     let sources = [
-        include_str!("../src/attention/truth.rs"),
-        include_str!("../src/attention/constraints.rs"),
-        include_str!("../src/attention/phones.rs"),
-        include_str!("../src/attention/counted.rs"),
+        include_str!("../src/report/attention/truth.rs"),
+        include_str!("../src/report/attention/constraints.rs"),
+        include_str!("../src/report/attention/phones.rs"),
+        include_str!("../src/report/attention/counted.rs"),
     ];
     let kinds: BTreeSet<&str> = sources
         .iter()

@@ -8,7 +8,8 @@ pub mod slow_link;
 use std::time::Duration;
 
 use anyhow::Context;
-use cofix_agent::{AgentConfig, AgentError, AgentReport, ProductSource, Stop, link};
+use cofix_agent::publication::link;
+use cofix_agent::{AgentConfig, AgentError, AgentReport, ProductSource, Stop};
 use cofix_common::fusion::align::Aligner;
 use cofix_common::fusion::engine::Engine;
 use cofix_common::simulation::{PhoneOptions, Scenario};
@@ -17,7 +18,7 @@ use cofix_hub::network::Network;
 use cofix_hub::outputs::Outputs;
 use cofix_hub::replay::Plan;
 use cofix_hub::report::Report;
-use cofix_hub::scores::Scores;
+use cofix_hub::report::scores::Scores;
 use limits::Running;
 use zenoh::qos::CongestionControl;
 

@@ -5,8 +5,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use cofix_agent::publication::link;
 use cofix_agent::publication::{Publication, Publisher};
-use cofix_agent::{AgentConfig, AgentError, ProductSource, Source, Speed, Stop, link};
+use cofix_agent::{AgentConfig, AgentError, ProductSource, Source, Speed, Stop};
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::simulation::PhoneOptions;
 use cofix_common::skips::{Reason, Skips};

@@ -11,7 +11,7 @@ use cofix_agent::Stop;
 use cofix_common::accuracy::Accuracy;
 use cofix_hub::outputs::OutputFiles;
 use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
-use cofix_hub::scores::ByPhone;
+use cofix_hub::report::scores::ByPhone;
 use cofix_hub::session::Session;
 
 /// Mean over the four phones of the 50th and 95th percentile of the horizontal error, m.

@@ -12,7 +12,7 @@ use cofix_common::simulation::Scenario;
 use cofix_common::wire::EpochMessage;
 use cofix_hub::demo;
 use cofix_hub::replay::{Outcome, Plan, ReplayOptions, replay};
-use cofix_hub::scores::ByPhone;
+use cofix_hub::report::scores::ByPhone;
 use cofix_hub::session::Session;
 use cofix_hub::simulate::{Arguments, Kind, simulate};
 

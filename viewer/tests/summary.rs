@@ -10,7 +10,7 @@ mod support;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use cofix_hub::recorder::Recorder;
+use cofix_hub::outputs::recorder::Recorder;
 use cofix_viewer::summary::{Summary, SummaryError};
 use support::{ACCURACY, MESSAGE_LEAD_S, Session, start};
 use tempfile::TempDir;

@@ -12,12 +12,12 @@ use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::leap_seconds_at;
 use cofix_common::time::{Calendar, GpsTime};
 
-use self::overlap::Overlap;
 use crate::Stop;
 use crate::files::{Named, OutputError, OutputFile, check_outputs};
-use crate::products::{OwnNavigation, is_navigation_file, navigation_file};
+use crate::source::products::{OwnNavigation, is_navigation_file, navigation_file};
 use crate::source::{self, Reading, SourceError};
-use crate::source_error;
+
+use self::overlap::Overlap;
 
 /// What to write.
 #[derive(Clone, Debug, Default)]
@@ -60,7 +60,7 @@ pub enum ConvertError {
     #[error(transparent)]
     Output(#[from] OutputError),
     /// The sources have nothing to write into an output.
-    #[error("{}: nothing to write: the recordings have no {what}{}", path.display(), source_error::and_skipped(skips))]
+    #[error("{}: nothing to write: the recordings have no {what}{}", path.display(), source::error::and_skipped(skips))]
     Nothing {
         /// The file.
         path: PathBuf,
@@ -184,7 +184,7 @@ impl Contents {
             self.info.approximate_position.or_else(|| decoder.approximate_position());
         let skips = records.skips();
         if self.epochs == epochs_before && navigation.is_empty() && !stop.is_requested() {
-            return Err(source_error::no_epoch(&path.display().to_string(), &skips));
+            return Err(source::error::no_epoch(&path.display().to_string(), &skips));
         }
         self.navigation.extend(navigation);
         Ok(skips)

@@ -13,8 +13,8 @@ use super::Arrived;
 use crate::Stop;
 use crate::input::LiveSource;
 use crate::input::ntrip::RoverPosition;
-use crate::records::{Records, RecordsError};
-use crate::source_error::once_named;
+use crate::source::error::once_named;
+use crate::source::records::{Records, RecordsError};
 
 /// Records that wait for the rover's next epoch at most; epochs at 1 Hz for a quarter of an hour.
 const MOST_WAITING: usize = 1_000;

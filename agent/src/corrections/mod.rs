@@ -24,13 +24,14 @@ use cofix_common::measurement::DifferentialOptions;
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
-use self::inbox::Inbox;
-use self::recorded::Recorded;
 use crate::Stop;
 use crate::input::ntrip::RoverPosition;
 use crate::input::{AddressError, LOOK, LiveSource};
-use crate::products::OwnNavigation;
 use crate::source::SourceError;
+use crate::source::products::OwnNavigation;
+
+use self::inbox::Inbox;
+use self::recorded::Recorded;
 
 /// Heights above the ellipsoid at which a receiver can be, m.
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = -1_000.0..=10_000.0;

@@ -8,7 +8,7 @@ use cofix_common::time::GpsTime;
 
 use super::Arrived;
 use crate::Stop;
-use crate::records::Records;
+use crate::source::records::Records;
 use crate::source::{self, Reading, SourceError};
 
 /// Corrections never serve for longer than this, s.

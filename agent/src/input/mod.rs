@@ -15,13 +15,13 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
+use crate::Stop;
+
 pub use connection::{Backoff, Connected, Dial, DialError};
 pub use file::Recorded;
 pub use follow::Followed;
 pub use pipe::Piped;
 pub use tls::{Trust, TrustError};
-
-use crate::Stop;
 
 /// How often an idle source looks for a request to stop, and a growing file for growth.
 pub const LOOK: Duration = Duration::from_millis(100);

@@ -3,10 +3,9 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
+use cofix_common::formats::phone::{LatestDirections, Quantiles, Typical};
 use cofix_common::wire::EpochMessage;
 use serde::Serialize;
-
-use cofix_common::formats::phone::{LatestDirections, Quantiles, Typical};
 
 /// A report may be this far from the epoch, s: satellites move by up to a quarter of a degree meanwhile.
 const CLOSE_S: f64 = 30.0;

@@ -13,12 +13,18 @@ use std::fmt;
 use std::path::Path;
 
 use cofix_common::formats::decode::Record;
+use cofix_common::formats::format::Format;
+use cofix_common::formats::phone::PhoneReport;
 use cofix_common::gnss::{EpochFlag, ObservationEpoch};
 use cofix_common::measurement::CorrectionOptions;
 use cofix_common::pipeline::PipelineOptions;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use serde::Serialize;
+
+use crate::source::products::{Loaded, NAVIGATION, OwnNavigation, is_navigation_file};
+use crate::source::{self, Reading, SourceError};
+use crate::{ProductSource, Stop};
 
 pub use clock::{ClockJump, ClockJumps};
 pub use directions::DirectionReport;
@@ -27,13 +33,6 @@ pub use navigation::{MessageReport, NavigationInspection, inspect_navigation};
 pub use signals::{ConstellationReport, SignalReport, Spread};
 pub use steps::{Gap, Gaps};
 pub use trial::Trial;
-
-use crate::products::{Loaded, NAVIGATION, OwnNavigation, is_navigation_file};
-use crate::source::{self, Reading, SourceError};
-use crate::source_error;
-use crate::{ProductSource, Stop};
-use cofix_common::formats::format::Format;
-use cofix_common::formats::phone::PhoneReport;
 
 /// Gaps and jumps listed one by one; the rest is counted.
 const LISTED: usize = 20;
@@ -136,10 +135,10 @@ impl Inspected {
                 if recording.epochs > 0 || ephemerides {
                     return Ok(());
                 }
-                Err(source_error::no_epoch(&recording.file, &recording.skips))
+                Err(source::error::no_epoch(&recording.file, &recording.skips))
             }
             Self::Navigation(navigation) if navigation.messages.is_empty() => {
-                Err(source_error::nothing_in(&navigation.file, NAVIGATION, "message", &navigation.skips))
+                Err(source::error::nothing_in(&navigation.file, NAVIGATION, "message", &navigation.skips))
             }
             Self::Navigation(_) => Ok(()),
         }

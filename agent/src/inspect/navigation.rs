@@ -11,8 +11,8 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 use serde::Serialize;
 
-use crate::products::navigation_file;
 use crate::source::SourceError;
+use crate::source::products::navigation_file;
 
 /// What a navigation file holds.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -7,13 +7,13 @@ use cofix_common::gnss::ObservationEpoch;
 use cofix_common::integrity::Verdict;
 use cofix_common::measurement::Usage;
 use cofix_common::orbit::Products;
+use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::skips::Skips;
 use serde::Serialize;
 
 use super::directions::{DirectionReport, Directions};
-use crate::products::note_shortcomings;
-use crate::records::Records;
-use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
+use crate::source::products::note_shortcomings;
+use crate::source::records::Records;
 
 /// Counts of a run of the pipeline over all epochs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

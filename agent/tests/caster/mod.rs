@@ -10,7 +10,7 @@ use std::time::Duration;
 use cofix_agent::Stop;
 use cofix_agent::input::ntrip::{Client, Mount, RoverPosition};
 use cofix_agent::input::{Backoff, Connected, Trust};
-use cofix_agent::records::{Records, RecordsError};
+use cofix_agent::source::records::{Records, RecordsError};
 use rustls::{ServerConfig, ServerConnection, StreamOwned};
 
 use super::limits::{self, Running};

@@ -7,9 +7,11 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use cofix_agent::{AgentConfig, Source, link};
+use cofix_agent::publication::link;
+use cofix_agent::{AgentConfig, Source};
 use cofix_common::wire::{
-    EpochMessage, PhoneStatus, StatusMessage, all_receipts_key, decode, epoch_key, status_key,
+    EpochMessage, PhoneStatus, Receipt, ReceiptMessage, StatusMessage, all_receipts_key, decode, encode,
+    epoch_key, status_key,
 };
 use zenoh::{Session, Wait};
 
@@ -23,6 +25,13 @@ pub struct Hub {
 
 impl Hub {
     pub fn listen() -> Self {
+        Self::listen_and_answer(|received| {
+            encode(&ReceiptMessage::Run(Receipt { received, lost: 0 })).unwrap()
+        })
+    }
+
+    /// Answers questions for receipts with these bytes for the number of epochs received.
+    pub fn listen_and_answer(answer: fn(u64) -> Vec<u8>) -> Self {
         let session = link::listen(&["tcp/127.0.0.1:0".to_owned()]).unwrap();
         let (sender, epochs) = channel();
         let sender = Mutex::new(sender);
@@ -52,8 +61,8 @@ impl Hub {
         session
             .declare_queryable(all_receipts_key("g").unwrap())
             .callback(move |query| {
-                let count = received.load(Ordering::SeqCst).to_string();
-                query.reply(query.key_expr().clone(), count).wait().unwrap();
+                let answer = answer(received.load(Ordering::SeqCst));
+                query.reply(query.key_expr().clone(), answer).wait().unwrap();
             })
             .background()
             .wait()

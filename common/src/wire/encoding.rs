@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{EpochMessage, FusedMessage, KeptMessage, StatusMessage};
+use super::{EpochMessage, FusedMessage, KeptMessage, PaceMessage, ReceiptMessage, StatusMessage};
 
 /// First two bytes of every message.
 const MAGIC: [u8; 2] = *b"CX";
@@ -11,12 +11,12 @@ const MAGIC: [u8; 2] = *b"CX";
 const HEADER_BYTES: usize = 5;
 
 /// Version of the layout of all messages. A change of any message's fields is a new version.
-pub const WIRE_VERSION: u16 = 1;
+pub const WIRE_VERSION: u16 = 2;
 
 /// Longest message, header included, bytes. An epoch of 60 signals takes about 11 KiB.
 pub const MAXIMUM_MESSAGE_BYTES: usize = 256 * 1024;
 
-/// What kind of message follows the header.
+/// What kind of message follows the header; its place in this list is its byte there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageKind {
     /// [`EpochMessage`].
@@ -27,27 +27,17 @@ pub enum MessageKind {
     Status,
     /// [`KeptMessage`].
     Kept,
+    /// [`ReceiptMessage`].
+    Receipt,
+    /// [`PaceMessage`].
+    Pace,
 }
 
 impl MessageKind {
-    /// The byte in the header.
-    pub const fn byte(self) -> u8 {
-        match self {
-            Self::Epoch => 0,
-            Self::Fused => 1,
-            Self::Status => 2,
-            Self::Kept => 3,
-        }
-    }
+    const ALL: [Self; 6] = [Self::Epoch, Self::Fused, Self::Status, Self::Kept, Self::Receipt, Self::Pace];
 
-    const fn from_byte(byte: u8) -> Option<Self> {
-        match byte {
-            0 => Some(Self::Epoch),
-            1 => Some(Self::Fused),
-            2 => Some(Self::Status),
-            3 => Some(Self::Kept),
-            _ => None,
-        }
+    fn from_byte(byte: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(byte)).copied()
     }
 }
 
@@ -57,21 +47,22 @@ pub trait WireMessage: Serialize + DeserializeOwned {
     const KIND: MessageKind;
 }
 
-impl WireMessage for EpochMessage {
-    const KIND: MessageKind = MessageKind::Epoch;
+macro_rules! wire_messages {
+    ($($message:ty: $kind:ident),*) => {
+        $(impl WireMessage for $message {
+            const KIND: MessageKind = MessageKind::$kind;
+        })*
+    };
 }
 
-impl WireMessage for FusedMessage {
-    const KIND: MessageKind = MessageKind::Fused;
-}
-
-impl WireMessage for KeptMessage {
-    const KIND: MessageKind = MessageKind::Kept;
-}
-
-impl WireMessage for StatusMessage {
-    const KIND: MessageKind = MessageKind::Status;
-}
+wire_messages!(
+    EpochMessage: Epoch,
+    FusedMessage: Fused,
+    StatusMessage: Status,
+    KeptMessage: Kept,
+    ReceiptMessage: Receipt,
+    PaceMessage: Pace
+);
 
 /// Why bytes are no message, or a message cannot become bytes.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -152,7 +143,7 @@ pub fn encode<M: WireMessage>(message: &M) -> Result<Vec<u8>, WireError> {
     let mut bytes = Vec::with_capacity(8 * 1024);
     bytes.extend_from_slice(&MAGIC);
     bytes.extend_from_slice(&WIRE_VERSION.to_le_bytes());
-    bytes.push(M::KIND.byte());
+    bytes.push(M::KIND as u8);
     let bytes = postcard::to_extend(message, bytes).map_err(|error| WireError::Malformed {
         bytes: 0,
         kind: M::KIND,

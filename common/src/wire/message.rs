@@ -63,6 +63,41 @@ pub struct KeptMessage {
     pub next: u64,
 }
 
+/// The hub's answer to an agent that asks about its run at `cofix/<group>/phone/<phone>/receipt`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ReceiptMessage {
+    /// How far the hub is with the run.
+    Run(Receipt),
+    /// The session has no phone of the key's name.
+    UnknownPhone {
+        /// The names of its phones.
+        known: Vec<String>,
+    },
+}
+
+/// How many epochs of one run the hub has decided about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Receipt {
+    /// Epochs that have arrived.
+    pub received: u64,
+    /// Epochs that are missing and no longer expected.
+    pub lost: u64,
+}
+
+impl Receipt {
+    /// Epochs that have arrived or are no longer expected.
+    pub const fn settled(self) -> u64 {
+        self.received.saturating_add(self.lost)
+    }
+}
+
+/// The hub's answer to an agent that plays a recording, at `cofix/<group>/phone/<phone>/pace`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PaceMessage {
+    /// Time until the first epoch is due, s; negative when it was due earlier.
+    pub due_in_s: f64,
+}
+
 /// The two ends of an agent's run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum PhoneStatus {

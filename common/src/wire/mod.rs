@@ -4,7 +4,12 @@
 //! body in postcard. Floats travel as their eight bytes, so that what arrives is bit for bit what was sent.
 //!
 //! Decoding trusts nothing: size, version, kind and length are checked and a decoded message may still
-//! carry absurd values, which [`EpochMessage::validate`] and [`EpochMessage::sanitise`] look for.
+//! carry absurd values, which [`EpochMessage::validate`], [`EpochMessage::sanitise`] and [`PaceMessage::validate`] look for.
+//!
+//! Questions travel as Zenoh selectors, all answers as messages. Versions:
+//!
+//! - 2: the hub answers questions for receipts and pace with [`ReceiptMessage`] and [`PaceMessage`].
+//! - 1: the hub answered them with decimal text.
 //!
 //! ```
 //! # use std::sync::Arc;
@@ -37,5 +42,7 @@ pub use key::{
     all_receipts_key, all_status_key, check_name, epoch_key, fused_key, history_key, liveliness_key,
     pace_key, phone_of_key, receipt_key, status_key,
 };
-pub use message::{EpochMessage, FusedMessage, KeptMessage, PhoneStatus, StatusMessage};
+pub use message::{
+    EpochMessage, FusedMessage, KeptMessage, PaceMessage, PhoneStatus, Receipt, ReceiptMessage, StatusMessage,
+};
 pub use plausible::{Implausible, InvalidMessage, MAXIMUM_OBSERVATIONS};

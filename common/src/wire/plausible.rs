@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::ops::RangeInclusive;
 
-use super::{EpochMessage, KeyNameError, check_name};
+use super::{EpochMessage, KeyNameError, PaceMessage, check_name};
 use nalgebra::{Cholesky, SMatrix};
 
 use crate::filter::PhoneState;
@@ -36,6 +36,8 @@ const SPEED_MPS: RangeInclusive<f64> = -1e5..=1e5;
 const POSITIVE: RangeInclusive<f64> = 0.0..=f64::MAX;
 /// Variances of positions (m²), velocities and accelerations: a tenth of a millimetre to a thousand kilometres.
 const VARIANCE: RangeInclusive<f64> = 1e-8..=1e12;
+/// Longest time from now to a recording's first epoch, s.
+const DUE_IN_S: RangeInclusive<f64> = -3_600.0..=3_600.0;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
 
 /// A value outside the range in which it can be true; NaN is outside every range.
@@ -257,6 +259,16 @@ impl EpochMessage {
             Part::Local => self.local = None,
             Part::GlobalTest => self.raim.global_test = None,
         }
+    }
+}
+
+impl PaceMessage {
+    /// The message, if its time can be true.
+    ///
+    /// # Errors
+    /// When it is more than an hour from now, or not a number.
+    pub fn validate(self) -> Result<Self, Implausible> {
+        within("time until the first epoch is due (s)", self.due_in_s, DUE_IN_S).map(|()| self)
     }
 }
 

@@ -3,8 +3,8 @@
 use anyhow::bail;
 
 use super::{Course, Group, TICK};
-use crate::intake::Intake;
-use crate::recovery::{Question, Step};
+use crate::network::intake::Intake;
+use crate::network::recovery::{Question, Step};
 
 impl Group {
     /// Asks agents for what is missing, and gives up what they do not have.
@@ -51,7 +51,7 @@ impl Group {
         let lost = self.intake.skip(phone, sender, to, why);
         let name = self.phones.get(phone).map_or("?", String::as_str);
         tracing::warn!("{name}: {lost} epochs are lost: {why}");
-        self.receipts.note(name, sender, self.intake.received(phone, sender));
+        self.receipts.note(name, sender, self.intake.receipt(phone, sender));
         self.align(phone);
         self.end_if_complete(phone);
     }
@@ -90,7 +90,7 @@ impl Group {
     fn note_receipts(&self, phone: usize) {
         let Some(name) = self.phones.get(phone) else { return };
         for (sender, _) in self.intake.finished_runs(phone) {
-            self.receipts.note(name, sender, self.intake.received(phone, sender));
+            self.receipts.note(name, sender, self.intake.receipt(phone, sender));
         }
     }
 }

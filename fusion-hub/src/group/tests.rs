@@ -1,15 +1,15 @@
 use std::sync::mpsc::sync_channel;
 
+use cofix_common::fusion::align::AlignOptions;
+use cofix_common::fusion::engine::EngineOptions;
 use cofix_common::integrity::{RaimReport, Verdict};
 use cofix_common::skips::Reason;
 use cofix_common::wire::{EpochMessage, KeptMessage, PhoneStatus, StatusMessage, encode};
 
 use super::*;
 use crate::network::FusedPublisher;
-use crate::recovery::Question;
-use crate::scores::Scores;
-use cofix_common::fusion::align::AlignOptions;
-use cofix_common::fusion::engine::EngineOptions;
+use crate::network::recovery::Question;
+use crate::report::scores::Scores;
 
 /// A live group of two phones, `a` and `b`, whose clock is told; its questions to agents come here.
 struct Bench {

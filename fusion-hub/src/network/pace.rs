@@ -4,9 +4,10 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use cofix_common::time::GpsTime;
-use cofix_common::wire::phone_of_key;
-use zenoh::Wait;
+use cofix_common::wire::PaceMessage;
 use zenoh::query::Query;
+
+use super::reply;
 
 /// An agent whose first epoch is further from what the others play, s of the recordings, begins at once: another drive, or a new run.
 const FARTHEST_S: f64 = 60.0;
@@ -47,11 +48,8 @@ impl Metronome {
         let times = parameters.get("speed").and_then(|times| times.parse().ok());
         let times = times.filter(|times: &f64| times.is_finite() && *times > 0.0);
         let (Some(first), Some(times)) = (first, times) else { return };
-        let due_in_s = self.due_in_s(Instant::now(), first, times).to_string();
-        if let Err(error) = query.reply(query.key_expr().clone(), due_in_s).wait() {
-            let phone = phone_of_key(query.key_expr().as_str()).unwrap_or("?");
-            tracing::warn!("pace for {phone} not sent: {}", cofix_agent::link::plain(&error));
-        }
+        let due_in_s = self.due_in_s(Instant::now(), first, times);
+        reply(query, "pace", &PaceMessage { due_in_s });
     }
 }
 

@@ -8,7 +8,7 @@ use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 use zenoh::{Session, Wait};
 
 use super::{Event, arrival, zenoh_error};
-use crate::recovery::{ANSWER, Question};
+use crate::network::recovery::{ANSWER, Question};
 
 /// Questions that may wait for the thread that asks.
 const WAITING_QUESTIONS: usize = 64;

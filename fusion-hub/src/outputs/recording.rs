@@ -11,7 +11,7 @@ use cofix_agent::status::Moment;
 use cofix_common::recording::INCOMPLETE;
 
 use super::sink::{Fused, Opening, Sink, Written};
-use crate::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
+use crate::outputs::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
 
 /// How long an epoch of a live session waits to be written.
 const LIVE_AGE: Duration = Duration::from_secs(10);

@@ -3,10 +3,9 @@
 use std::collections::BTreeMap;
 
 use cofix_common::constraint::{Constraint, ConstraintAction, ConstraintOutcome, SkipReason};
+use cofix_common::fusion::engine::{FusedEpoch, ScheduledConstraint};
 use cofix_common::time::GpsTime;
 use serde::Serialize;
-
-use cofix_common::fusion::engine::{FusedEpoch, ScheduledConstraint};
 
 /// A constraint and what it did.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use cofix_agent::CorrectionSource;
-use cofix_agent::masks::{LogOptions, Masks};
+use cofix_agent::settings::{LogOptions, Masks};
 use cofix_common::measurement::Ionosphere;
 use serde::Serialize;
 use serde_json::Value;

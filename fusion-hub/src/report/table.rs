@@ -7,7 +7,7 @@ use cofix_common::accuracy::Accuracy;
 use cofix_common::formats::phone::Typical;
 
 use super::{ConstraintReport, PhoneReport, Report};
-use crate::scores::ByPhone;
+use crate::report::scores::ByPhone;
 
 impl Report {
     /// The accuracy table of phones that are scored, and, when some are not, a table of what is known of all phones without a

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use cofix_common::filter::PhoneState;
 use cofix_common::formats::phone::Quantiles;
 use cofix_common::frames::LocalFrame;
+use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
 use cofix_common::gnss::{SatelliteId, SignalCode};
 use cofix_common::measurement::CorrectedObservation;
 use cofix_common::skips::Skips;
@@ -14,7 +15,6 @@ use cofix_common::wire::EpochMessage;
 use super::constraints::ConstraintTally;
 use super::presence::Presence;
 use super::{ConstraintReport, PhoneReport, SameObservations};
-use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
 
 /// Pseudoranges of two receivers are never the same; those of one recording in two formats are, but for the last digit, m.
 const SAME_PSEUDORANGE_M: f64 = 5e-3;

@@ -4,6 +4,7 @@ use cofix_common::constraint::{
 };
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Direction, Ecef, EcefVector};
+use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
 use cofix_common::gnss::SignalCode;
 use cofix_common::integrity::{Cause, RaimReport, Verdict};
 use cofix_common::measurement::{CorrectedObservation, Usage};
@@ -12,8 +13,7 @@ use cofix_common::wire::EpochMessage;
 use nalgebra::{SMatrix, SVector};
 
 use super::*;
-use crate::scores::ByPhone;
-use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
+use crate::report::scores::ByPhone;
 
 fn names() -> Vec<String> {
     vec!["b".to_owned(), "a".to_owned()]

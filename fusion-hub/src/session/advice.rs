@@ -1,15 +1,15 @@
 //! What to write instead, where a session file has another form than it should.
 
-use serde::de::DeserializeOwned;
-
-use super::constraint::ConstraintEntry;
-use super::text::{EvaluationTable, PhoneEntry, ProductsTable, SessionFile};
-use cofix_agent::masks::{LogOptions, Masks};
+use cofix_agent::settings::{LogOptions, Masks};
 use cofix_common::constraint::Constraint;
 use cofix_common::settings::{
     AlignmentKeys, BaseKeys, CodeVarianceKeys, ConstraintKeys, CorrectionKeys, FilterKeys, IntegrityKeys,
     RateVarianceKeys, StochasticKeys,
 };
+use serde::de::DeserializeOwned;
+
+use super::constraint::ConstraintEntry;
+use super::text::{EvaluationTable, PhoneEntry, ProductsTable, SessionFile};
 
 /// Names at least so similar (Jaro-Winkler, 0 to 1) are taken for typing errors.
 const SIMILAR: f64 = 0.75;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use cofix_agent::masks::{LogOptions, Masks};
+use cofix_agent::settings::{LogOptions, Masks};
 use cofix_common::measurement::Exclusion;
 use cofix_common::settings::{
     AlignmentKeys, ConstraintKeys, CorrectionKeys, FilterKeys, IntegrityKeys, SettingsKeys, StochasticKeys,

@@ -13,7 +13,7 @@ use cofix_common::measurement::{CorrectedObservation, Usage};
 use cofix_common::solve::{Dops, PointSolution};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
-use cofix_hub::recorder::{Recorder, RecorderConfig, Reference};
+use cofix_hub::outputs::recorder::{Recorder, RecorderConfig, Reference};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// First epoch of the session: 2020-08-13 14:30:00 GPS time.
@@ -185,7 +185,7 @@ impl Session {
     }
 
     /// Records the whole session.
-    pub fn record(self, mut recorder: Recorder) -> cofix_hub::recorder::Recorded {
+    pub fn record(self, mut recorder: Recorder) -> cofix_hub::outputs::recorder::Recorded {
         for epoch in self.epochs() {
             let truth: Vec<_> = (0..self.phones).map(|phone| Self::reference(&epoch, phone)).collect();
             recorder.record(&epoch, &truth).unwrap();

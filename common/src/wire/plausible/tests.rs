@@ -160,3 +160,13 @@ fn hopeless_messages_are_refused_with_facts() {
         assert!(skip.first.contains(text), "{}", skip.first);
     }
 }
+
+#[test]
+fn a_pace_is_within_an_hour() {
+    for due_in_s in [0.0, -3_600.0, 3_600.0] {
+        assert!(PaceMessage { due_in_s }.validate().is_ok());
+    }
+    for due_in_s in [3_601.0, f64::NAN, f64::INFINITY] {
+        assert!(PaceMessage { due_in_s }.validate().is_err());
+    }
+}

@@ -1,0 +1,68 @@
+//! How long an agent waits until the hub has all epochs of its run.
+
+use std::time::{Duration, Instant};
+
+use cofix_common::wire::Receipt;
+
+/// Longest wait for an answer about receipts while the hub is connected: on a slow link what was published before the question is still on its way.
+pub(super) const UNANSWERED: Duration = Duration::from_mins(10);
+/// Longest wait for receipts without progress once asked to stop.
+const LAST_WORDS: Duration = Duration::from_secs(1);
+
+/// How long receipts are waited for.
+pub(super) struct ReceiptWait {
+    patience: Duration,
+    /// The receipt with the most epochs settled.
+    pub(super) known: Option<Receipt>,
+    /// When an answer last had more epochs settled than the one before.
+    progress: Instant,
+}
+
+impl ReceiptWait {
+    pub(super) fn new(patience: Duration) -> Self {
+        Self { patience, known: None, progress: Instant::now() }
+    }
+
+    /// Whether an answer may still come, and is waited for.
+    pub(super) fn goes_on(&self, stop_is_requested: bool, is_connected: bool) -> bool {
+        self.progress.elapsed() < self.limit(stop_is_requested, is_connected)
+    }
+
+    /// How long an answer may take: of a hub that is connected, all that was published before the question may still be on its way.
+    fn limit(&self, stop_is_requested: bool, is_connected: bool) -> Duration {
+        match (stop_is_requested, is_connected) {
+            (true, _) => self.patience.min(LAST_WORDS),
+            (false, true) => self.patience.max(UNANSWERED),
+            (false, false) => self.patience,
+        }
+    }
+
+    /// Takes an answer in; whether it is the last one, since the hub has not got more for long enough.
+    pub(super) fn is_enough(&mut self, answer: Option<Receipt>) -> bool {
+        if answer.map(Receipt::settled) > self.known.map(Receipt::settled) {
+            (self.known, self.progress) = (answer, Instant::now());
+        }
+        answer.is_some() && self.progress.elapsed() >= self.patience
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hub_that_is_connected_is_waited_for_until_it_answers() {
+        let patience = Duration::from_mins(20);
+        let mut wait = ReceiptWait::new(Duration::from_secs(10));
+        assert_eq!(wait.limit(false, true), UNANSWERED, "what it has is still on its way");
+        assert_eq!(wait.limit(false, false), Duration::from_secs(10), "the connection is lost");
+        assert_eq!(wait.limit(true, true), LAST_WORDS);
+        wait.patience = patience;
+        let receipt = |received| Some(Receipt { received, lost: 1 });
+        assert!(!wait.is_enough(receipt(3)) && !wait.is_enough(receipt(2)) && !wait.is_enough(None));
+        assert_eq!(wait.known, receipt(3));
+        wait.patience = Duration::ZERO;
+        assert!(!wait.is_enough(None), "no answer says nothing");
+        assert!(wait.is_enough(receipt(3)), "it has had no more for long enough");
+    }
+}

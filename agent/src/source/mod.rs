@@ -1,0 +1,212 @@
+//! Sources of observations, recorded and live.
+//!
+//! A recorded file is read twice, each time in portions: first to survey it (how many epochs, what is skipped, which
+//! navigation messages it carries), then epoch by epoch. So it need not fit into memory, and **its own navigation messages
+//! serve the epochs before them too**, as those of a navigation file do. From a live source a message serves from its arrival on.
+
+mod dating;
+pub(crate) mod error;
+mod kinds;
+pub mod products;
+pub mod records;
+
+use std::path::Path;
+use std::slice;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use cofix_common::formats::decode::Record;
+use cofix_common::formats::format::Format;
+use cofix_common::formats::gnsslogger;
+use cofix_common::frames::Ecef;
+use cofix_common::gnss::ObservationEpoch;
+use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+use cofix_common::time::leap_seconds_at;
+
+use crate::input::ntrip::RoverPosition;
+use crate::input::{LiveSource, Recorded};
+use crate::{Source, Stop};
+
+pub use error::SourceError;
+use error::{no_epoch, with_hint};
+use products::OwnNavigation;
+pub use products::products;
+use records::{Records, RecordsError};
+
+const KIND: &str = cofix_common::formats::kinds::OBSERVATIONS;
+
+/// How recordings are read.
+#[derive(Clone, Debug, Default)]
+pub struct Reading {
+    /// An instant within three days of the beginning, for RTCM 3, whose observations carry the time of week only. Ephemerides in the stream know
+    /// the week better.
+    pub near: Option<GpsTime>,
+    /// Clock and masks of GnssLogger text.
+    pub log: gnsslogger::Options,
+}
+
+impl Reading {
+    /// The same near another instant.
+    pub fn near(&self, near: GpsTime) -> Self {
+        Self { near: Some(near), log: self.log.clone() }
+    }
+}
+
+/// What a first reading of a recorded source found.
+#[derive(Clone, Debug, Default)]
+pub struct Survey {
+    /// Epochs, in order of time.
+    pub epochs: u64,
+    /// Navigation messages of the source itself.
+    pub navigation: OwnNavigation,
+    /// Whether it has satellite states and corrections of its own.
+    pub has_corrections: bool,
+    /// Where the source says that its antenna is, approximately.
+    pub station: Option<Ecef>,
+    /// Whether these are the phone's own (GnssLogger text since 2022), and not those of who made a table.
+    pub has_phone_states: bool,
+    /// What was skipped.
+    pub skips: Skips,
+}
+
+/// A source, opened: its records come one by one.
+pub(crate) enum Opened<'a> {
+    Memory(slice::Iter<'a, ObservationEpoch>),
+    Stream { name: String, path: Option<&'a Path>, records: Box<Records> },
+}
+
+impl<'a> Opened<'a> {
+    /// Opens a source.
+    pub(crate) fn open(source: &'a Source, reading: &Reading) -> Result<Self, SourceError> {
+        Self::open_near(source, reading, &RoverPosition::default())
+    }
+
+    /// The same for a rover, whose position a caster gets to hear.
+    pub(crate) fn open_near(
+        source: &'a Source,
+        reading: &Reading,
+        rover: &RoverPosition,
+    ) -> Result<Self, SourceError> {
+        match source {
+            Source::Epochs(epochs) => Ok(Self::Memory(epochs.iter())),
+            Source::File(path) => Ok(Self::file(path, open_file(path, reading)?)),
+            Source::DatedFile { path, near } => Ok(Self::file(path, open_file(path, &reading.near(*near))?)),
+            Source::Live { from, near } => {
+                let records = open_live(from, *near, rover)?.with_log_options(reading.log.clone());
+                Ok(Self::Stream { name: from.to_string(), path: None, records: Box::new(records) })
+            }
+        }
+    }
+
+    fn file(path: &'a Path, records: Records) -> Self {
+        Self::Stream { name: path.display().to_string(), path: Some(path), records: Box::new(records) }
+    }
+
+    /// The next record.
+    pub(crate) fn next(&mut self, stop: &Stop) -> Result<Option<Record>, SourceError> {
+        match self {
+            Self::Memory(epochs) => Ok(epochs.next().cloned().map(Record::Epoch)),
+            Self::Stream { name, path, records } => {
+                records.next(stop).map_err(|error| source_error(name, *path, error))
+            }
+        }
+    }
+
+    /// Whether the last record came with satellite states and corrections of its own.
+    fn has_corrections(&self) -> bool {
+        self.records().is_some_and(|records| records.decoder().recorded_corrections().is_some())
+    }
+
+    fn is_log(&self) -> bool {
+        self.records().is_some_and(|records| records.decoder().format() == Some(Format::GnssLogger))
+    }
+
+    /// The records of a stream, for what they know of it.
+    pub(crate) const fn records(&self) -> Option<&Records> {
+        match self {
+            Self::Memory(_) => None,
+            Self::Stream { records, .. } => Some(records),
+        }
+    }
+}
+
+/// What went wrong with a recorded file.
+pub(crate) fn file_error(path: &Path, error: RecordsError) -> SourceError {
+    source_error(&path.display().to_string(), Some(path), error)
+}
+
+fn source_error(name: &str, path: Option<&Path>, error: RecordsError) -> SourceError {
+    match (error, path) {
+        (RecordsError::Read(cause), Some(path)) => {
+            SourceError::Read { path: path.to_owned(), kind: KIND, cause }
+        }
+        (RecordsError::Read(cause), None) => SourceError::Live { name: name.to_owned(), cause },
+        (RecordsError::Wrong(wrong), path) => {
+            let hint = path.and_then(|path| kinds::hint_for(path, KIND));
+            let reason = with_hint(wrong.reason, hint);
+            SourceError::Unusable { source_name: name.to_owned(), kind: KIND, reason }
+        }
+    }
+}
+
+/// Opens a recorded file. A stream of RTCM 3, which lacks the week, is dated first: see `dating`.
+///
+/// # Errors
+/// When the file cannot be opened.
+pub fn open_file(path: &Path, reading: &Reading) -> Result<Records, SourceError> {
+    let cause = |cause| SourceError::Read { path: path.to_owned(), kind: KIND, cause };
+    let bytes = Box::new(Recorded::open(path).map_err(cause)?);
+    let records = match dating::of_file(path, reading.near).map_err(cause)? {
+        Some(dated) => Records::dated(bytes, dated),
+        None => Records::new(bytes, reading.near.unwrap_or_else(now)),
+    };
+    Ok(records.with_log_options(reading.log.clone()))
+}
+
+fn open_live(
+    live: &LiveSource,
+    near: Option<GpsTime>,
+    rover: &RoverPosition,
+) -> Result<Records, SourceError> {
+    let bytes = live.open_near(rover).map_err(|cause| SourceError::Live { name: live.to_string(), cause })?;
+    Ok(Records::new(bytes, near.unwrap_or_else(now)))
+}
+
+/// GPS time now, by the computer's clock.
+pub fn now() -> GpsTime {
+    gps_time_of(SystemTime::now())
+}
+
+/// GPS time of an instant of the computer's clock.
+pub(crate) fn gps_time_of(time: SystemTime) -> GpsTime {
+    let unix_s = time.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
+    let epoch = GpsTime::default().as_unix_calendar_nanos() as f64 * 1e-9;
+    let utc = GpsTime::default() + (unix_s - epoch);
+    utc + leap_seconds_at(utc) as f64
+}
+
+/// Reads a recorded source once, to its end. A live one cannot be surveyed.
+///
+/// # Errors
+/// When it cannot be read, is of no format that is read, or holds no epoch.
+pub fn survey(source: &Source, reading: &Reading, stop: &Stop) -> Result<Survey, SourceError> {
+    let mut opened = Opened::open(source, reading)?;
+    let mut survey = Survey::default();
+    while let Some(record) = opened.next(stop)? {
+        survey.epochs += u64::from(survey.navigation.take(record).is_some());
+        let has_corrections = opened.has_corrections();
+        survey.has_corrections |= has_corrections;
+        survey.has_phone_states |= has_corrections && opened.is_log();
+    }
+    if let Some(records) = opened.records() {
+        survey.navigation.take_terms(records.decoder());
+        survey.station = records.decoder().station();
+        survey.skips = records.skips();
+    }
+    match &opened {
+        Opened::Stream { name, .. } if survey.epochs == 0 && !stop.is_requested() => {
+            Err(no_epoch(name, &survey.skips))
+        }
+        _ => Ok(survey),
+    }
+}

@@ -1,0 +1,175 @@
+//! Bytes of any source and format to records, in order of time.
+
+use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::format::Format;
+use cofix_common::formats::gnsslogger;
+use cofix_common::formats::stream::StreamDecoder;
+use cofix_common::skips::{Reason, Skips};
+use cofix_common::time::GpsTime;
+
+use crate::Stop;
+use crate::input::{Bytes, Portion};
+use crate::source::dating::Dated;
+
+/// Why a source gives no records.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordsError {
+    /// The source cannot be read.
+    #[error(transparent)]
+    Read(#[from] std::io::Error),
+    /// It is not what it should be.
+    #[error(transparent)]
+    Wrong(#[from] cofix_common::formats::decode::WrongStream),
+}
+
+/// The records of a source.
+pub struct Records {
+    bytes: Box<dyn Bytes>,
+    decoder: StreamDecoder,
+    buffer: Vec<u8>,
+    ended: bool,
+    /// Whether the next bytes are of another file than those before.
+    is_anew: bool,
+    /// An instant near the stream's beginning.
+    near: GpsTime,
+    last: Option<GpsTime>,
+    /// What was skipped here; the decoder counts for itself.
+    skips: Skips,
+}
+
+impl Records {
+    /// The records of a source. `near` as in [`StreamDecoder::new`].
+    pub fn new(bytes: Box<dyn Bytes>, near: GpsTime) -> Self {
+        Self {
+            bytes,
+            decoder: StreamDecoder::new(near),
+            buffer: Vec::new(),
+            ended: false,
+            is_anew: false,
+            near,
+            last: None,
+            skips: Skips::default(),
+        }
+    }
+
+    /// The records of a recording whose dates have been found.
+    pub(crate) fn dated(bytes: Box<dyn Bytes>, dated: Dated) -> Self {
+        let Dated { dates, notes } = dated;
+        let near = dates.begins();
+        Self { decoder: StreamDecoder::dated(&dates), skips: notes, ..Self::new(bytes, near) }
+    }
+
+    /// The same for GnssLogger text read in another way than by default.
+    #[must_use]
+    pub fn with_log_options(self, log: gnsslogger::Options) -> Self {
+        Self { decoder: self.decoder.with_log_options(log), ..self }
+    }
+
+    /// The next record; blocks until there is one. `None` at the end, and soon after a request to stop. Epochs come in
+    /// order of time: one that does not is counted and left out.
+    ///
+    /// # Errors
+    /// When the source cannot be read, or shows that it is of no format that is read.
+    pub fn next(&mut self, stop: &Stop) -> Result<Option<Record>, RecordsError> {
+        loop {
+            while let Some(record) = self.decoder.next_record() {
+                if self.is_in_order(&record) {
+                    return Ok(Some(self.without_impossible_signals(record)));
+                }
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            self.advance(stop)?;
+        }
+    }
+
+    fn advance(&mut self, stop: &Stop) -> Result<(), RecordsError> {
+        if std::mem::take(&mut self.is_anew) {
+            self.skips.merge(self.decoder.skips());
+            self.decoder = self.decoder.renewed(self.last.unwrap_or(self.near));
+        }
+        match self.bytes.next(&mut self.buffer, stop)? {
+            Portion::Bytes => self.decoder.feed(&self.buffer)?,
+            Portion::Broken => {
+                self.count_break();
+                self.decoder.interrupt()?;
+            }
+            Portion::Restarted => {
+                self.count_break();
+                // What it was does not matter any more.
+                let _ = self.decoder.finish();
+                self.is_anew = true;
+            }
+            Portion::End => self.end(stop)?,
+            Portion::Lost => {
+                let reason = self.bytes.failure_reason().unwrap_or("no reason is known").to_owned();
+                self.skips.add(Reason::SourceEndedEarly, || reason);
+                self.end(stop)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn count_break(&mut self) {
+        self.skips.add(Reason::ConnectionOpenedAgain, || {
+            self.last.map_or("before the first epoch".to_owned(), |time| format!("after {time}"))
+        });
+    }
+
+    /// A stream that was cut off by a request to stop may not have been recognised yet: that is no error.
+    fn end(&mut self, stop: &Stop) -> Result<(), RecordsError> {
+        self.ended = true;
+        match self.decoder.finish() {
+            Err(_) if stop.is_requested() => Ok(()),
+            Err(wrong) => match self.bytes.failure_reason() {
+                None => Err(wrong.into()),
+                // Why the source failed tells more than what its rest looks like.
+                Some(reason) => Err(RecordsError::Read(std::io::Error::other(reason.to_owned()))),
+            },
+            Ok(()) => Ok(()),
+        }
+    }
+
+    fn is_in_order(&mut self, record: &Record) -> bool {
+        let Record::Epoch(epoch) = record else { return true };
+        if let Some(last) = self.last
+            && epoch.time_gps <= last
+        {
+            self.skips.add(Reason::EpochNotLater, || format!("{} after {last}", epoch.time_gps));
+            return false;
+        }
+        self.last = Some(epoch.time_gps);
+        true
+    }
+
+    /// Leaves out observations of signals that their satellites cannot send. Of RINEX the decoder has done it, which knows the lines.
+    fn without_impossible_signals(&mut self, mut record: Record) -> Record {
+        let is_rinex = matches!(self.decoder.format(), Some(Format::Rinex | Format::CompactRinex));
+        if let (Record::Epoch(epoch), false) = (&mut record, is_rinex) {
+            let time_gps = epoch.time_gps;
+            epoch.observations.retain(|observation| {
+                let reason = observation.satellite.cannot_send(observation.signal);
+                if let Some(reason) = reason {
+                    self.skips.add(reason, || {
+                        format!("{} {} at {time_gps}", observation.satellite, observation.signal)
+                    });
+                }
+                reason.is_none()
+            });
+        }
+        record
+    }
+
+    /// The decoder, for what it knows of the stream.
+    pub const fn decoder(&self) -> &StreamDecoder {
+        &self.decoder
+    }
+
+    /// What was skipped so far.
+    pub fn skips(&self) -> Skips {
+        let mut all = self.decoder.skips().clone();
+        all.merge(&self.skips);
+        all
+    }
+}

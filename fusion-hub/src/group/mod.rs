@@ -1,0 +1,407 @@
+//! One group at work: events in, fused epochs out, on one thread.
+
+mod losses;
+mod missing;
+mod steady;
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use cofix_agent::status::Moment;
+use cofix_agent::{Stop, source};
+use cofix_common::fusion::align::{Aligner, NoticeKind};
+use cofix_common::fusion::engine::Engine;
+use cofix_common::skips::Skips;
+use cofix_common::time::GpsTime;
+
+use crate::network::intake::{Answer, Arrival, Intake, Notice};
+use crate::network::recovery::Recovery;
+use crate::network::{Event, HistoryQuestions, Receipts};
+use crate::outputs::Outputs;
+use crate::report::Report;
+
+use steady::Steady;
+
+/// How long the thread waits for an event before it looks at the clock.
+const TICK: Duration = Duration::from_millis(50);
+/// How long agents that have ended and are still there may take to ask whether everything arrived: on a slow link the question takes a while.
+const FAREWELL: Duration = Duration::from_secs(30);
+/// How long agents that were told so may stay.
+const LINGER: Duration = Duration::from_secs(1);
+/// Most events that are taken in before the thread looks at the clock: who is late is decided when all that has come is known.
+const BATCH: usize = 256;
+/// Most events that are taken in after the request to stop.
+const LAST_EVENTS: usize = 10_000;
+
+/// How a group comes to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Course {
+    /// Every phone of the group has an agent in this process; the end is when all have ended. Every message counts.
+    Replay,
+    /// Phones come and go; the end is when somebody asks, or, if so wished, when all agents have ended.
+    Live {
+        /// Whether to end when all agents of the group have ended.
+        until_finished: bool,
+    },
+}
+
+/// A group at work.
+pub struct Group {
+    name: String,
+    phones: Vec<String>,
+    course: Course,
+    intake: Intake,
+    aligner: Aligner,
+    engine: Engine,
+    receipts: Receipts,
+    history: HistoryQuestions,
+    recovery: Recovery,
+    outputs: Outputs,
+    /// The time of what is being done, since the start.
+    now: Duration,
+    /// When gaps were last looked at.
+    recovered_at: Option<Duration>,
+    /// By phone: number of missing epochs of agents that have ended, and since when the number has not changed.
+    missing: Vec<Option<(u64, Duration)>>,
+    /// By phone, whether an agent is there.
+    alive: Vec<bool>,
+    grace: Duration,
+    farewell: Duration,
+}
+
+/// The parts of a group.
+pub struct Parts {
+    /// The group's name.
+    pub name: String,
+    /// The phones' names.
+    pub phones: Vec<String>,
+    /// How it ends.
+    pub course: Course,
+    /// Alignment.
+    pub aligner: Aligner,
+    /// Estimation.
+    pub engine: Engine,
+    /// What agents are told about receipt.
+    pub receipts: Receipts,
+    /// How agents are asked for what is missing.
+    pub history: HistoryQuestions,
+    /// Consumers.
+    pub outputs: Outputs,
+}
+
+impl Group {
+    /// How long the epochs of an agent that has ended may stay away: its last status may overtake them.
+    pub const GRACE: Duration = Duration::from_secs(10);
+
+    /// Puts a group together.
+    pub fn new(mut parts: Parts) -> Self {
+        let phones = parts.phones.len();
+        let recovery = match parts.course {
+            Course::Replay => Recovery::of_a_replay(),
+            Course::Live { .. } => Recovery::live(parts.aligner.maximum_wait()),
+        };
+        parts.outputs.tally.schedule(parts.engine.constraints());
+        Self {
+            intake: Intake::new(&parts.phones),
+            name: parts.name,
+            phones: parts.phones,
+            course: parts.course,
+            aligner: parts.aligner,
+            engine: parts.engine,
+            receipts: parts.receipts,
+            history: parts.history,
+            recovery,
+            recovered_at: None,
+            outputs: parts.outputs,
+            now: Duration::ZERO,
+            missing: vec![None; phones],
+            alive: vec![false; phones],
+            grace: Self::GRACE,
+            farewell: FAREWELL,
+        }
+    }
+
+    /// Another time for stragglers than [`Group::GRACE`], which agents that have ended may take for their last question too.
+    pub fn with_grace(self, grace: Duration) -> Self {
+        Self { grace, farewell: grace, ..self }
+    }
+
+    /// The phones' names.
+    pub fn phones(&self) -> &[String] {
+        &self.phones
+    }
+
+    /// Works until the end.
+    ///
+    /// # Errors
+    /// When an agent fails or a message is lost.
+    pub fn work(&mut self, events: &Receiver<Event>, stop: &Stop) -> anyhow::Result<()> {
+        let mut clock = Steady::start();
+        while !self.is_over() && !stop.is_requested() {
+            let first = match events.recv_timeout(TICK) {
+                Ok(event) => Some(event),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => break,
+            };
+            let batch = first.into_iter().chain(events.try_iter().take(BATCH));
+            self.step(batch, clock.tick(), source::now())?;
+        }
+        if stop.is_requested() && self.course == Course::Replay {
+            bail!("stopped before the end of the session");
+        }
+        for event in events.try_iter().take(LAST_EVENTS) {
+            self.handle(event)?;
+        }
+        self.intake.release_all();
+        for phone in 0..self.phones.len() {
+            self.align(phone);
+            self.aligner.finish(phone);
+        }
+        self.fuse_ready();
+        Ok(())
+    }
+
+    /// Takes in what has happened by `now`, of the time since the start, and does what follows from it; `wall_gps` is the time by the
+    /// computer's clock.
+    ///
+    /// # Errors
+    /// When an agent fails or a message is lost.
+    fn step(
+        &mut self,
+        events: impl Iterator<Item = Event>,
+        now: Duration,
+        wall_gps: GpsTime,
+    ) -> anyhow::Result<()> {
+        self.now = now;
+        for event in events {
+            self.handle(event)?;
+        }
+        self.recover();
+        self.fuse_ready();
+        self.fuse_overdue(wall_gps);
+        self.outputs.tick(Moment { now, wall_gps });
+        self.check_stragglers()
+    }
+
+    /// Stays until agents that have ended know that everything is here, or some seconds: they ask, and go when they know.
+    pub fn see_off(&mut self, events: &Receiver<Event>, stop: &Stop) {
+        let start = Instant::now();
+        let mut told_since: Option<Instant> = None;
+        while self.alive.iter().any(|alive| *alive) && start.elapsed() < self.farewell && !stop.is_requested()
+        {
+            match events.recv_timeout(TICK) {
+                Ok(Event::Alive { phone, alive }) => self.note_alive(&phone, alive),
+                Err(RecvTimeoutError::Disconnected) => return,
+                _ => {}
+            }
+            if !self.all_told() {
+                told_since = None;
+            } else if told_since.get_or_insert_with(Instant::now).elapsed() > LINGER {
+                return;
+            }
+        }
+    }
+
+    /// Whether all agents that have ended were told of all their epochs.
+    fn all_told(&self) -> bool {
+        self.phones.iter().enumerate().all(|(phone, name)| {
+            self.intake
+                .finished_runs(phone)
+                .all(|(sender, received)| received == 0 || self.receipts.was_told(name, sender, received))
+        })
+    }
+
+    fn note_alive(&mut self, phone: &str, alive: bool) {
+        if let Some(slot) = self.intake.index(phone).and_then(|index| self.alive.get_mut(index)) {
+            *slot = alive;
+        }
+    }
+
+    /// The report, and the outputs to finish.
+    pub fn report(&mut self) -> (Report, &mut Outputs) {
+        let mut skips = self.intake.skips().clone();
+        skips.merge(self.engine.skips());
+        let phones = self.outputs.tally.phones(|phone| self.phone_skips(phone));
+        let report = Report { group: self.name.clone(), phones, skips, ..self.outputs.report() };
+        (report, &mut self.outputs)
+    }
+
+    /// Whether a session makes sense now that it is over.
+    ///
+    /// # Errors
+    /// When a phone had nothing usable, or no two phones were there at one time.
+    pub fn check_result(&self) -> anyhow::Result<()> {
+        let tally = &self.outputs.tally;
+        for (index, name) in self.phones.iter().enumerate() {
+            if tally.usable_epochs(index) == 0 {
+                let skips = self.phone_skips(index);
+                let why = if skips.is_empty() { "nothing was skipped".to_owned() } else { skips.to_string() };
+                bail!("{name}: no epoch with a usable observation, so there is nothing to fuse: {why}");
+            }
+        }
+        if self.phones.len() > 1 && tally.common_epochs() == 0 {
+            let span = |(index, name): (usize, &String)| {
+                let span = tally.span(index);
+                span.map_or_else(|| format!("{name} has none"), |(a, b)| format!("{name} from {a} to {b}"))
+            };
+            let spans: Vec<String> = self.phones.iter().enumerate().map(span).collect();
+            bail!("the phones have no common time, so there is nothing to fuse: {}", spans.join(", "));
+        }
+        Ok(())
+    }
+
+    fn phone_skips(&self, phone: usize) -> Skips {
+        let mut skips =
+            self.intake.finished(phone).map(|finished| finished.skips.clone()).unwrap_or_default();
+        for more in [self.intake.phone_skips(phone), self.aligner.skips(phone)].into_iter().flatten() {
+            skips.merge(more);
+        }
+        skips
+    }
+
+    fn is_over(&self) -> bool {
+        self.course != Course::Live { until_finished: false }
+            && (0..self.phones.len()).all(|phone| self.intake.is_complete(phone))
+    }
+
+    fn handle(&mut self, event: Event) -> anyhow::Result<()> {
+        match event {
+            Event::Epoch(arrival) => self.epoch(&arrival),
+            Event::Status(arrival) => self.status(&arrival),
+            Event::History(arrival) => self.history(&arrival),
+            Event::Answered { phone, sender } => {
+                if let Some(phone) = self.intake.index(&phone) {
+                    self.recovery.answered(phone, &sender);
+                    self.recovered_at = None;
+                }
+            }
+            Event::Alive { phone, alive } => self.alive(&phone, alive),
+            Event::AgentEnded { phone, outcome: Err(error) } => bail!("{phone}: {error}"),
+            Event::AgentEnded { .. } => {}
+        }
+        Ok(())
+    }
+
+    fn epoch(&mut self, arrival: &Arrival) {
+        self.intake.epoch(arrival);
+        self.take_in(arrival);
+    }
+
+    /// A part of an agent's answer.
+    fn history(&mut self, arrival: &Arrival) {
+        match self.intake.history(arrival) {
+            Some(Answer::Kept(phone)) => self.recovery.introduced(phone),
+            Some(Answer::Status(notice)) => self.notice(arrival, notice),
+            Some(Answer::Epoch(_)) | None => {}
+        }
+        self.take_in(arrival);
+    }
+
+    /// Passes on what has its turn now that something of a phone has arrived.
+    fn take_in(&mut self, arrival: &Arrival) {
+        let Some(phone) = self.intake.index(&arrival.phone) else { return };
+        if let Some(sender) = &arrival.sender {
+            self.receipts.note(&arrival.phone, sender, self.intake.receipt(phone, sender));
+        }
+        self.align(phone);
+        self.end_if_complete(phone);
+    }
+
+    fn align(&mut self, phone: usize) {
+        while let Some(message) = self.intake.next_ready(phone) {
+            self.aligner.push(phone, message, self.now);
+        }
+    }
+
+    fn status(&mut self, arrival: &Arrival) {
+        if let Some(notice) = self.intake.status(arrival) {
+            self.notice(arrival, notice);
+        }
+    }
+
+    fn notice(&mut self, arrival: &Arrival, notice: Notice) {
+        match notice {
+            Notice::Started { phone, summary, twice } => {
+                if twice {
+                    tracing::warn!(
+                        "{}: two agents of that name are here; only one of them should",
+                        arrival.phone
+                    );
+                }
+                tracing::info!("{}: agent started: {summary}", arrival.phone);
+                self.outputs.expect(self.intake.expected());
+                // It may have finished too.
+                self.end_if_complete(phone);
+            }
+            Notice::Finished { phone, error } => {
+                if let Some(error) = error {
+                    tracing::warn!("{}: agent ended early: {error}", arrival.phone);
+                } else {
+                    tracing::info!("{}: agent finished", arrival.phone);
+                }
+                self.end_if_complete(phone);
+            }
+        }
+    }
+
+    fn alive(&mut self, phone: &str, alive: bool) {
+        let Some(index) = self.intake.index(phone) else {
+            tracing::warn!("an agent for '{phone}' is here, but the session does not name that phone");
+            return;
+        };
+        self.note_alive(phone, alive);
+        tracing::info!("{phone}: agent {}", if alive { "is here" } else { "is gone" });
+        if alive {
+            self.recovery.appeared(index, self.now);
+        } else {
+            self.recovery.disappeared(index);
+        }
+        // Its last epochs are ahead of the loss of its token only on the same link; in a replay its end is known exactly.
+        if !alive && self.course != Course::Replay {
+            self.intake.gone(index);
+        }
+        if !alive && self.course != Course::Replay && !self.intake.is_complete(index) {
+            self.aligner.leave(index);
+        }
+    }
+
+    fn end_if_complete(&mut self, phone: usize) {
+        if self.intake.is_complete(phone) {
+            self.aligner.finish(phone);
+        }
+    }
+
+    fn fuse_ready(&mut self) {
+        while let Some(bucket) = self.aligner.pop_ready() {
+            self.outputs.push(&self.engine.step(bucket));
+        }
+    }
+
+    fn fuse_overdue(&mut self, wall_gps: GpsTime) {
+        if self.course == Course::Replay {
+            return;
+        }
+        loop {
+            let goes_on = self.aligner.go_on(self.now, Some(wall_gps));
+            let notices = self.aligner.notices();
+            for notice in &notices {
+                let name = self.phones.get(notice.phone).map_or("?", String::as_str);
+                tracing::warn!("{name}: {}", notice.text);
+                if matches!(notice.kind, NoticeKind::Silent | NoticeKind::Behind) {
+                    self.give_up_gaps(notice.phone);
+                }
+            }
+            if self.aligner.went_back() {
+                self.engine.restart();
+            }
+            if !goes_on && notices.is_empty() {
+                return;
+            }
+            self.fuse_ready();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

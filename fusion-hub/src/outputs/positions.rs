@@ -1,0 +1,234 @@
+//! Fused positions as a table (CSV): a row for each phone at each epoch of the group.
+//!
+//! | column | content |
+//! |---|---|
+//! | `gps_week`, `gps_tow_s` | GPS time of the state, the common time of the epoch |
+//! | `phone` | its name |
+//! | `latitude_deg`, `longitude_deg`, `ellipsoidal_height_m` | on WGS-84, the frame of the orbits |
+//! | `velocity_north_mps`, `velocity_east_mps`, `velocity_up_mps` | velocity |
+//! | `quality` | by the verdict: 1 reliable, 2 unreliable, 3 cannot be checked, 4 carried by prediction, without an epoch |
+//! | `sigma_north_m`, `sigma_east_m`, `sigma_up_m` | standard deviations of the position |
+//! | `sigma_velocity_north_mps`, `…_east_…`, `…_up_…` | standard deviations of the velocity |
+//! | `satellites` | in use by the phone's own solution; empty without an epoch |
+//! | `verdict` | of the phone's RAIM on its own solution; empty without an epoch |
+//! | `method` | `joint` |
+//!
+//! The rows of one phone are a truth table (see [`cofix_common::accuracy::Truth::parse_csv`]).
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use cofix_agent::files::{Named, OutputFile};
+use cofix_common::filter::PhoneState;
+use cofix_common::frames::{Enu, LocalFrame};
+use cofix_common::fusion::engine::FusedEpoch;
+use cofix_common::integrity::Verdict;
+use cofix_common::skips::Skips;
+use cofix_common::wire::EpochMessage;
+use nalgebra::Matrix3;
+
+use crate::outputs::{Fused, Opening, Sink, Written};
+use crate::report::satellites_used;
+
+/// The columns.
+pub const COLUMNS: [&str; 19] = [
+    "gps_week",
+    "gps_tow_s",
+    "phone",
+    "latitude_deg",
+    "longitude_deg",
+    "ellipsoidal_height_m",
+    "velocity_north_mps",
+    "velocity_east_mps",
+    "velocity_up_mps",
+    "quality",
+    "sigma_north_m",
+    "sigma_east_m",
+    "sigma_up_m",
+    "sigma_velocity_north_mps",
+    "sigma_velocity_east_mps",
+    "sigma_velocity_up_mps",
+    "satellites",
+    "verdict",
+    "method",
+];
+
+/// Writes the table.
+pub struct PositionTable<W: Write> {
+    names: Vec<String>,
+    writer: csv::Writer<W>,
+}
+
+impl<W: Write> PositionTable<W> {
+    /// Begins with the names of the columns. `names` are the phones' in the group's order.
+    ///
+    /// # Errors
+    /// When the target cannot be written.
+    pub fn new(target: W, names: &[String]) -> csv::Result<Self> {
+        let mut writer = csv::Writer::from_writer(target);
+        writer.write_record(COLUMNS)?;
+        Ok(Self { names: names.to_vec(), writer })
+    }
+
+    /// Adds the phones that have a state.
+    ///
+    /// # Errors
+    /// When the target cannot be written.
+    pub fn push(&mut self, epoch: &FusedEpoch) -> csv::Result<()> {
+        let time = epoch.time_gps;
+        for (name, phone) in self.names.iter().zip(&epoch.phones) {
+            let Some(state) = &phone.state else { continue };
+            let message = phone.message.as_ref();
+            let mut row = vec![time.week().to_string(), format!("{:.9}", time.tow_s()), name.clone()];
+            row.extend(place(state));
+            row.push(quality(message).to_string());
+            row.extend(sigmas(state));
+            row.push(message.map_or_else(String::new, |m| satellites_used(m).to_string()));
+            row.push(message.map_or_else(String::new, |m| m.raim.verdict.to_string()));
+            row.push("joint".to_owned());
+            self.writer.write_record(row)?;
+        }
+        Ok(())
+    }
+
+    /// Hands the target back, with everything in it.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(self) -> std::io::Result<W> {
+        self.writer.into_inner().map_err(csv::IntoInnerError::into_error)
+    }
+}
+
+/// The table in a file.
+struct PositionFile {
+    table: PositionTable<OutputFile>,
+    path: PathBuf,
+}
+
+/// Opens the table in a file.
+///
+/// # Errors
+/// When the file cannot be created.
+pub(crate) fn open(opening: &Opening<'_>) -> anyhow::Result<Box<dyn Sink>> {
+    let path = opening.path.to_owned();
+    let file = OutputFile::create(Named::new("the positions", &path), opening.overwrite)?;
+    let table = PositionTable::new(file, opening.phones).with_context(|| cannot_write(&path))?;
+    Ok(Box::new(PositionFile { table, path }))
+}
+
+impl Sink for PositionFile {
+    fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
+        self.table.push(fused.epoch).with_context(|| cannot_write(&self.path))
+    }
+
+    fn finish(self: Box<Self>, _text: &str) -> Result<Option<Written>, String> {
+        let Self { table, path } = *self;
+        let file = table.finish().map_err(|error| format!("{}: {error}", cannot_write(&path)))?;
+        file.commit().map_err(|error| error.to_string())?;
+        Ok(Some(Written { title: "Positions", path, figures: String::new(), skips: Skips::default() }))
+    }
+}
+
+fn cannot_write(path: &Path) -> String {
+    format!("{}: cannot write the positions", path.display())
+}
+
+/// Position and velocity. 11 digits of a degree are a micrometre.
+fn place(state: &PhoneState) -> [String; 6] {
+    let position = state.position().ecef_to_geodetic();
+    let Enu { east, north, up } = LocalFrame::at(state.position()).vector_ecef_to_enu(state.velocity());
+    [
+        format!("{:.11}", position.latitude_deg()),
+        format!("{:.11}", position.longitude_deg()),
+        format!("{:.4}", position.height_m),
+        format!("{north:.4}"),
+        format!("{east:.4}"),
+        format!("{up:.4}"),
+    ]
+}
+
+/// Standard deviations north, east, up of the position and of the velocity.
+fn sigmas(state: &PhoneState) -> impl Iterator<Item = String> {
+    let frame = LocalFrame::at(state.position());
+    [0, 3].into_iter().flat_map(move |block| {
+        let covariance: Matrix3<f64> = state.covariance.fixed_view::<3, 3>(block, block).into_owned();
+        let enu = frame.covariance_ecef_to_enu(&covariance);
+        [enu.m22, enu.m11, enu.m33].map(|variance| format!("{:.4}", variance.max(0.0).sqrt()))
+    })
+}
+
+const fn quality(message: Option<&EpochMessage>) -> u8 {
+    match message {
+        None => 4,
+        Some(message) => match message.raim.verdict {
+            Verdict::Reliable => 1,
+            Verdict::Unreliable(_) => 2,
+            Verdict::CannotBeChecked => 3,
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use cofix_common::accuracy::Truth;
+    use cofix_common::frames::Geodetic;
+    use cofix_common::integrity::RaimReport;
+    use cofix_common::time::GpsTime;
+    use nalgebra::{SMatrix, SVector};
+
+    use super::*;
+    use cofix_common::fusion::engine::FusedPhone;
+
+    fn epoch(time_gps: GpsTime, state: Option<PhoneState>, verdict: Option<Verdict>) -> FusedEpoch {
+        let message = verdict.map(|verdict| EpochMessage {
+            phone: "a, b".to_owned(),
+            sequence: 0,
+            time_gps,
+            observations: Vec::new(),
+            wls: None,
+            local: None,
+            raim: RaimReport { verdict, global_test: None, excluded: 0 },
+        });
+        FusedEpoch {
+            time_gps,
+            phones: vec![FusedPhone { message, state }],
+            actions: vec![],
+            distances: vec![],
+        }
+    }
+
+    #[test]
+    fn what_is_written_reads_back_as_a_truth() {
+        let start = GpsTime::from_week_tow(2118, 604_799.999_876_543);
+        let site = Geodetic::from_degrees(-17.5, 179.999_999_9, 31.25).geodetic_to_ecef();
+        let frame = LocalFrame::at(site);
+        let velocity = frame.vector_enu_to_ecef(Enu { east: 2.0, north: -1.0, up: 0.25 });
+        let mut mean = SVector::<f64, 9>::zeros();
+        mean.fixed_rows_mut::<3>(0).copy_from(&site.0);
+        mean.fixed_rows_mut::<3>(3).copy_from(&velocity.0);
+        let enu = Matrix3::from_diagonal(&nalgebra::Vector3::new(4.0, 9.0, 16.0));
+        let mut covariance = SMatrix::<f64, 9, 9>::identity();
+        let ecef = frame.rotation_ecef_to_enu().transpose() * enu * frame.rotation_ecef_to_enu();
+        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&ecef);
+        let state = PhoneState { mean, covariance };
+        let mut table = PositionTable::new(Vec::new(), &["a, b".to_owned()]).unwrap();
+        table.push(&epoch(start, None, Some(Verdict::CannotBeChecked))).unwrap();
+        table.push(&epoch(start, Some(state.clone()), Some(Verdict::Reliable))).unwrap();
+        table.push(&epoch(start + 1.0, Some(state), None)).unwrap();
+        let bytes = table.finish().unwrap();
+        let text = String::from_utf8(bytes.clone()).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], COLUMNS.join(","));
+        assert_eq!(lines.len(), 3, "an epoch without a state has no row: {text}");
+        assert!(lines[1].contains(",1,3.0000,2.0000,4.0000,1.0000,1.0000,1.0000,0,reliable,joint"), "{text}");
+        assert!(lines[2].ends_with(",,,joint") && lines[2].contains(",4,3.0000"), "{text}");
+        let (truth, skips) = Truth::parse_csv(&bytes).unwrap();
+        assert!(skips.is_empty(), "{skips}");
+        assert_eq!(truth.times(&[1]).collect::<Vec<_>>(), [start]);
+        let point = truth.at(start, &[1]).unwrap();
+        assert!(point.position.distance_m(site) < 1e-4);
+        assert!((point.velocity.0 - velocity.0).norm() < 1e-3);
+    }
+}

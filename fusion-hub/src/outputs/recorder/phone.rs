@@ -1,0 +1,240 @@
+//! All that is recorded of one phone.
+
+use cofix_common::frames::{Ecef, LocalFrame};
+use cofix_common::fusion::engine::FusedPhone;
+use cofix_common::integrity::{Cause, RaimReport, Verdict};
+use cofix_common::skips::{Reason, Skips};
+use cofix_common::time::GpsTime;
+use cofix_common::wire::EpochMessage;
+use nalgebra::Matrix3;
+use rerun::{Color, TextLogLevel};
+
+use super::Reference;
+use super::entity::{Method, phone_path};
+use super::rrd::{RecorderError, RrdFile};
+use super::series::{LogLines, Series, Style};
+use super::signals::Signals;
+use super::track::{Ellipsoid, Track, drawable, ellipsoid};
+use crate::report::satellites_used;
+
+/// What a phone's epoch is recorded at.
+#[derive(Clone, Copy)]
+pub(super) struct Epoch<'a> {
+    /// Local frame of the recording.
+    pub frame: &'a LocalFrame,
+    /// The common time.
+    pub time_ns: i64,
+    /// The receive time of the phone's message, or the common time without one.
+    pub message_time_ns: i64,
+}
+
+/// A position with its covariance, ECEF.
+struct Estimate {
+    position: Ecef,
+    covariance_m2: Matrix3<f64>,
+}
+
+/// Errors of one method.
+#[derive(Debug)]
+struct Errors {
+    horizontal: Series,
+    vertical: Series,
+}
+
+/// One phone's part of a recording.
+#[derive(Debug)]
+pub(super) struct PhoneRecorder {
+    name: String,
+    tracks: [Track; 4],
+    errors: [Errors; 3],
+    satellites: Series,
+    pdop: Series,
+    signals: Signals,
+    raim: LogLines,
+    last_verdict: Option<Verdict>,
+}
+
+impl PhoneRecorder {
+    /// `colour` is for plots that show all phones.
+    pub fn new(name: &str, colour: Color) -> Self {
+        let quality = |what: &str| {
+            let style = Style::Line { name: name.to_owned(), colour, width: 1.5 };
+            Series::new(phone_path(name, ["quality", what]), style)
+        };
+        Self {
+            name: name.to_owned(),
+            tracks: Method::ALL.map(|method| Track::new(name, method)),
+            errors: Method::SCORED.map(|method| Errors::new(name, method)),
+            satellites: quality("satellites"),
+            pdop: quality("pdop"),
+            signals: Signals::new(name),
+            raim: LogLines::new(phone_path(name, ["raim"])),
+            last_verdict: None,
+        }
+    }
+
+    /// Writes what holds always.
+    pub fn write_style(&self, file: &mut RrdFile) -> Result<(), RecorderError> {
+        self.tracks.iter().try_for_each(|track| track.write_style(file))
+    }
+
+    /// Adds an epoch.
+    pub fn push(&mut self, epoch: Epoch<'_>, phone: &FusedPhone, reference: Reference, skips: &mut Skips) {
+        let message = phone.message.as_ref();
+        let estimates = [
+            message.and_then(|m| m.wls.as_ref()).map(|s| (s.position, s.position_covariance)),
+            message.and_then(|m| m.local.as_ref()).map(|s| (s.position(), position_covariance(s))),
+            phone.state.as_ref().map(|s| (s.position(), position_covariance(s))),
+        ];
+        for (index, estimate) in estimates.into_iter().enumerate() {
+            let estimate = estimate.map(|(position, covariance_m2)| Estimate { position, covariance_m2 });
+            self.push_estimate(epoch, index, estimate, reference, skips);
+        }
+        let truth = self.drawable(reference.at_epoch, Method::Truth, epoch.time_ns, skips);
+        if let Some(track) = self.tracks.last_mut() {
+            track.push(epoch.time_ns, epoch.frame, truth, None);
+        }
+        self.push_message(epoch.message_time_ns, message, skips);
+    }
+
+    fn push_estimate(
+        &mut self,
+        epoch: Epoch<'_>,
+        index: usize,
+        estimate: Option<Estimate>,
+        reference: Reference,
+        skips: &mut Skips,
+    ) {
+        let Some(&method) = Method::SCORED.get(index) else { return };
+        let (time_ns, truth) = match method {
+            Method::Joint | Method::Truth => (epoch.time_ns, reference.at_epoch),
+            Method::Wls | Method::Local => (epoch.message_time_ns, reference.at_message),
+        };
+        let position = self.drawable(estimate.as_ref().map(|e| e.position), method, time_ns, skips);
+        let sigma = position.and(estimate).and_then(|e| self.sigma(epoch, method, &e, skips));
+        let error = position.zip(truth.filter(|&t| drawable(t))).map(|(position, truth)| {
+            let error = LocalFrame::at(truth).ecef_to_enu(position);
+            (error.horizontal(), error.up)
+        });
+        if let Some(errors) = self.errors.get_mut(index) {
+            errors.horizontal.push(time_ns, error.map(|e| e.0), skips);
+            errors.vertical.push(time_ns, error.map(|e| e.1), skips);
+        }
+        if let Some(track) = self.tracks.get_mut(index) {
+            track.push(time_ns, epoch.frame, position, sigma);
+        }
+    }
+
+    fn push_message(&mut self, time_ns: i64, message: Option<&EpochMessage>, skips: &mut Skips) {
+        let observations = message.map_or(&[][..], |m| &m.observations);
+        self.signals.push(time_ns, observations, skips);
+        self.satellites.push(time_ns, message.map(|m| satellites_used(m) as f64), skips);
+        self.pdop.push(time_ns, message.and_then(|m| m.wls.as_ref()).map(|s| s.dops.pdop), skips);
+        let Some(raim) = message.map(|m| m.raim) else { return };
+        if raim.verdict != Verdict::Reliable || self.last_verdict != Some(raim.verdict) {
+            self.raim.push(time_ns, level(raim.verdict), &describe(&self.name, &raim));
+        }
+        self.last_verdict = Some(raim.verdict);
+    }
+
+    /// Writes the rows since the last call.
+    pub fn write_segment(&mut self, file: &mut RrdFile) -> Result<(), RecorderError> {
+        self.tracks.iter_mut().try_for_each(|track| track.write_segment(file))?;
+        for errors in &mut self.errors {
+            errors.horizontal.write_segment(file)?;
+            errors.vertical.write_segment(file)?;
+        }
+        self.satellites.write_segment(file)?;
+        self.pdop.write_segment(file)?;
+        self.raim.write_segment(file)?;
+        self.signals.write_segment(file)
+    }
+
+    /// Writes the whole tracks.
+    pub fn write_lines(&self, file: &mut RrdFile) -> Result<(), RecorderError> {
+        self.tracks.iter().try_for_each(|track| track.write_lines(file))
+    }
+
+    fn drawable(
+        &self,
+        position: Option<Ecef>,
+        method: Method,
+        time_ns: i64,
+        skips: &mut Skips,
+    ) -> Option<Ecef> {
+        let position = position?;
+        if !drawable(position) {
+            let name = method.name();
+            skips.add(Reason::PositionNotRecorded, || {
+                let [x, y, z]: [f64; 3] = position.0.into();
+                format!("{} {name} at {time_ns} ns: ({x}, {y}, {z}) m", self.name)
+            });
+            return None;
+        }
+        Some(position)
+    }
+
+    fn sigma(
+        &self,
+        epoch: Epoch<'_>,
+        method: Method,
+        estimate: &Estimate,
+        skips: &mut Skips,
+    ) -> Option<Ellipsoid> {
+        let sigma = ellipsoid(epoch.frame, &estimate.covariance_m2);
+        if sigma.is_none() {
+            let (name, time_ns) = (method.name(), epoch.time_ns);
+            skips.add(Reason::CovarianceNotRecorded, || {
+                format!(
+                    "{} {name} at {time_ns} ns: diagonal {:?} m²",
+                    self.name,
+                    estimate.covariance_m2.diagonal()
+                )
+            });
+        }
+        sigma
+    }
+}
+
+impl Errors {
+    fn new(phone: &str, method: Method) -> Self {
+        let series = |direction: &str| {
+            let (colour, width) = (method.colour(), method.width());
+            let style = Style::Line { name: format!("{phone} {}", method.name()), colour, width };
+            Series::new(phone_path(phone, ["error", direction, method.name()]), style)
+        };
+        Self { horizontal: series("horizontal"), vertical: series("vertical") }
+    }
+}
+
+fn position_covariance(state: &cofix_common::filter::PhoneState) -> Matrix3<f64> {
+    state.covariance.fixed_view::<3, 3>(0, 0).into_owned()
+}
+
+const fn level(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Reliable => TextLogLevel::INFO,
+        Verdict::CannotBeChecked | Verdict::Unreliable(Cause::Geometry | Cause::AlarmLimit) => {
+            TextLogLevel::WARN
+        }
+        Verdict::Unreliable(Cause::InsufficientRedundancy | Cause::TestsFailed) => TextLogLevel::ERROR,
+    }
+}
+
+fn describe(phone: &str, raim: &RaimReport) -> String {
+    let test = raim.global_test.map_or_else(String::new, |test| {
+        let relation = if test.statistic <= test.threshold { "≤" } else { ">" };
+        let (statistic, threshold, dof) = (test.statistic, test.threshold, test.degrees_of_freedom);
+        format!("; D {statistic:.1} {relation} {threshold:.1}, {dof} dof")
+    });
+    let excluded = match raim.excluded {
+        0 => String::new(),
+        count => format!("; {count} excluded"),
+    };
+    format!("{phone}: {}{test}{excluded}", raim.verdict)
+}
+
+/// A time that a recording can hold: from GPS time's start into the 23rd century.
+pub(super) fn recordable(time: GpsTime) -> Option<i64> {
+    (0..8_000_000_000_000_000_000).contains(&time.nanos()).then(|| time.as_unix_calendar_nanos())
+}

@@ -1,0 +1,206 @@
+//! Positions collected for scoring against truth.
+
+use std::collections::BTreeMap;
+
+use cofix_common::accuracy::{Accuracy, Solution, Spans, Truth, score, time_shift};
+use cofix_common::filter::PhoneState;
+use cofix_common::frames::Ecef;
+use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
+use cofix_common::time::GpsTime;
+use serde::Serialize;
+
+use crate::outputs::recorder::Reference;
+
+/// Accuracy by phone; `None` for a phone that cannot be scored.
+pub type ByPhone = BTreeMap<String, Option<Accuracy>>;
+
+/// Accuracy by method and phone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Methods {
+    /// Epoch-wise weighted least squares, by the agent.
+    pub wls: ByPhone,
+    /// The agent's filter.
+    pub local: ByPhone,
+    /// The hub's filter with constraints.
+    pub joint: ByPhone,
+}
+
+/// How the truth of a phone and the session go together.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TruthReport {
+    /// First row, GPS time.
+    pub first_gps: Option<String>,
+    /// Last row, GPS time.
+    pub last_gps: Option<String>,
+    /// Rows within the group's span.
+    pub rows: usize,
+    /// Those of a quality that counts.
+    pub counted_rows: usize,
+    /// Seconds that its times would have to be later for it to fit distinctly better; null when they fit, or nothing moved.
+    pub shift_s: Option<f64>,
+    /// Median horizontal distance of the fused positions from the truth as it is, m; only with a shift.
+    pub median_m: Option<f64>,
+    /// The same after the shift, m.
+    pub shifted_median_m: Option<f64>,
+}
+
+#[derive(Debug, Default)]
+struct PhoneScores {
+    name: String,
+    truth: Option<Truth>,
+    span: Option<(GpsTime, GpsTime)>,
+    wls: Vec<Solution>,
+    local: Vec<Solution>,
+    joint: Vec<Solution>,
+}
+
+/// Collects positions and scores them at the end.
+#[derive(Debug)]
+pub struct Scores {
+    phones: Vec<PhoneScores>,
+    qualities: Vec<u8>,
+    /// Of the messages of all phones.
+    span: Option<(GpsTime, GpsTime)>,
+}
+
+impl Scores {
+    /// For phones with their truth, of which rows of these qualities count.
+    pub fn new(phones: Vec<(String, Option<Truth>)>, qualities: Vec<u8>) -> Self {
+        let phone = |(name, truth)| PhoneScores { name, truth, ..PhoneScores::default() };
+        Self { phones: phones.into_iter().map(phone).collect(), qualities, span: None }
+    }
+
+    /// Adds an epoch. Phones without truth cost no memory.
+    pub fn push(&mut self, epoch: &FusedEpoch) {
+        for message in epoch.phones.iter().filter_map(|phone| phone.message.as_ref()) {
+            self.span = Some(extended(self.span, message.time_gps));
+        }
+        for (scores, phone) in self.phones.iter_mut().zip(&epoch.phones) {
+            if scores.truth.is_some() {
+                scores.push(epoch.time_gps, phone);
+            }
+        }
+    }
+
+    /// Where the phones truly were, as far as counted truth says so.
+    pub fn references(&self, epoch: &FusedEpoch) -> Vec<Reference> {
+        let reference = |(index, scores): (usize, &PhoneScores)| {
+            Reference::look_up(epoch, index, |time| scores.position_at(time, &self.qualities))
+        };
+        self.phones.iter().enumerate().map(reference).collect()
+    }
+
+    /// The accuracy so far.
+    pub fn methods(&self) -> Methods {
+        let by_phone = |solutions: fn(&PhoneScores) -> &[Solution]| {
+            let entry =
+                |scores: &PhoneScores| (scores.name.clone(), self.accuracy(scores, solutions(scores)));
+            self.phones.iter().map(entry).collect()
+        };
+        Methods {
+            wls: by_phone(|scores| &scores.wls),
+            local: by_phone(|scores| &scores.local),
+            joint: by_phone(|scores| &scores.joint),
+        }
+    }
+
+    /// Phones that are not scored, and why.
+    pub fn unscored(&self) -> BTreeMap<String, String> {
+        let reason = |scores: &PhoneScores| {
+            let reason = match (&scores.truth, scores.span) {
+                (None, _) => "it has no truth".to_owned(),
+                (Some(_), None) => "it has no epochs".to_owned(),
+                (Some(truth), Some(span)) => match unmatched(truth, span, &self.qualities) {
+                    Some(reason) => reason,
+                    None if self.is_scored(scores) => return None,
+                    None => "it has no position within half an interval of a row of its truth".to_owned(),
+                },
+            };
+            Some((scores.name.clone(), reason))
+        };
+        self.phones.iter().filter_map(reason).collect()
+    }
+
+    /// How truths and the session go together, by phone.
+    pub fn truths(&self) -> BTreeMap<String, TruthReport> {
+        let report = |scores: &PhoneScores| {
+            Some((
+                scores.name.clone(),
+                scores.truth_report(scores.truth.as_ref()?, self.span, &self.qualities),
+            ))
+        };
+        self.phones.iter().filter_map(report).collect()
+    }
+
+    fn is_scored(&self, scores: &PhoneScores) -> bool {
+        [&scores.wls, &scores.local, &scores.joint]
+            .into_iter()
+            .any(|solutions| self.accuracy(scores, solutions).is_some())
+    }
+
+    fn accuracy(&self, scores: &PhoneScores, solutions: &[Solution]) -> Option<Accuracy> {
+        let spans = Spans { group: self.span?, recording: scores.span? };
+        score(scores.truth.as_ref()?, &self.qualities, spans, solutions)
+    }
+}
+
+fn extended(span: Option<(GpsTime, GpsTime)>, time: GpsTime) -> (GpsTime, GpsTime) {
+    let (first, last) = span.unwrap_or((time, time));
+    (first.min(time), last.max(time))
+}
+
+impl PhoneScores {
+    fn push(&mut self, time_gps: GpsTime, phone: &FusedPhone) {
+        if let Some(message) = &phone.message {
+            let time = message.time_gps;
+            self.span = Some(extended(self.span, time));
+            self.wls.extend(message.wls.as_ref().map(|solution| Solution {
+                time_gps: time,
+                position: solution.position,
+                covariance: solution.position_covariance,
+            }));
+            self.local.extend(message.local.as_ref().map(|state| claimed(time, state)));
+        }
+        self.joint.extend(phone.state.as_ref().map(|state| claimed(time_gps, state)));
+    }
+
+    fn position_at(&self, time: GpsTime, qualities: &[u8]) -> Option<Ecef> {
+        self.truth.as_ref()?.at(time, qualities).map(|point| point.position)
+    }
+
+    fn truth_report(&self, truth: &Truth, group: Option<(GpsTime, GpsTime)>, counted: &[u8]) -> TruthReport {
+        let all: Vec<u8> = (0..=u8::MAX).collect();
+        let rows = |qualities: &[u8]| {
+            let is_inside = |time: &GpsTime| group.is_some_and(|(first, last)| (first..=last).contains(time));
+            truth.times(qualities).filter(is_inside).count()
+        };
+        // The best positions that there are.
+        let solutions = [&self.joint, &self.local, &self.wls].into_iter().find(|list| !list.is_empty());
+        let shift = solutions.and_then(|solutions| time_shift(truth, counted, solutions));
+        TruthReport {
+            first_gps: truth.span().map(|(first, _)| first.iso()),
+            last_gps: truth.span().map(|(_, last)| last.iso()),
+            rows: rows(&all),
+            counted_rows: rows(counted),
+            shift_s: shift.map(|shift| shift.shift_s),
+            median_m: shift.and_then(|shift| shift.median_m),
+            shifted_median_m: shift.map(|shift| shift.shifted_median_m),
+        }
+    }
+}
+
+fn claimed(time_gps: GpsTime, state: &PhoneState) -> Solution {
+    let covariance = state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    Solution { time_gps, position: state.position(), covariance }
+}
+
+/// Why a truth has no row for a recording, if so.
+fn unmatched(truth: &Truth, (first, last): (GpsTime, GpsTime), qualities: &[u8]) -> Option<String> {
+    if truth.times(qualities).any(|time| time >= first - 0.5 && time <= last + 0.5) {
+        return None;
+    }
+    let covered = truth.span().map_or_else(|| "nothing".to_owned(), |(a, b)| format!("{a} to {b}"));
+    Some(format!(
+        "its truth has no row of quality {qualities:?} within its recording from {first} to {last} (it covers {covered})"
+    ))
+}
