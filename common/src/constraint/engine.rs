@@ -168,9 +168,11 @@ impl Engine<'_> {
         let mut last = f64::INFINITY;
         for _ in 0..self.options.max_relinearisations {
             let Some((bounded, vector)) = rows[0].zip(length.vector(&self.at())) else { return };
-            let Ok(law) = self.posterior.project(&bounded.row) else { return };
-            let Some(truncation) = truncate(law, bounded.interval, self.options.enlargement) else { return };
-            let step = (truncation.moments.mean - law.mean) / law.variance;
+            let Ok(marginal) = self.posterior.project(&bounded.row) else { return };
+            let Some(truncation) = truncate(marginal, bounded.interval, self.options.enlargement) else {
+                return;
+            };
+            let step = (truncation.moments.mean - marginal.mean) / marginal.variance;
             let Some(relative_gain) = length.change(&self.at(), &self.posterior.gain) else { return };
             let moved = vector + step * relative_gain;
             let size = moved.norm();
@@ -205,15 +207,15 @@ impl Engine<'_> {
         Ok((rows, times))
     }
 
-    /// Whether the intervals of all rows, but for implied ones, are plausible under the law within them.
+    /// Whether the intervals of all rows, but for implied ones, are plausible under the distribution within them.
     fn are_plausible(&self, rows: &Rows, confidence: f64) -> Result<bool, SkipReason> {
         let mut all_plausible = true;
         for bounded in rows.iter().flatten().filter(|bounded| !bounded.is_implied) {
-            let law = Gaussian {
+            let marginal = Gaussian {
                 mean: bounded.row.at(self.posterior.state),
                 variance: bounded.row.variance(self.posterior.covariance),
             };
-            let moments = moments_within(law, bounded.interval).ok_or(SkipReason::NoVariance)?;
+            let moments = moments_within(marginal, bounded.interval).ok_or(SkipReason::NoVariance)?;
             all_plausible &= plausible(moments, bounded.interval, confidence);
         }
         Ok(all_plausible)

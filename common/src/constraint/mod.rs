@@ -19,7 +19,7 @@
 //! | [`engine`] | many constraints on one state: one by one, or by expectation propagation |
 //!
 //! What is *not* sound: a distance is truncated along lines, not as a ball, so its spread across the line is
-//! bounded only by a box (see [`options::DistanceModel`]); the result is a Gaussian that has the moments of a law
+//! bounded only by a box (see [`options::DistanceModel`]); the result is a Gaussian that has the moments of a distribution
 //! which is none; and information that the state already contains must not come back as a constraint.
 
 pub mod engine;

@@ -65,7 +65,7 @@ pub struct ConstraintOptions {
     pub method: Method,
     /// What happens to an interval that the state contradicts.
     pub enlargement: Enlargement,
-    /// Whether the law is truncated even if its mean is inside the bounds already. Algorithm 1 leaves such a state alone;
+    /// Whether the distribution is truncated even if its mean is inside the bounds already. Algorithm 1 leaves such a state alone;
     /// but a mean inside does not mean that the tails are.
     pub act_when_inside: bool,
     /// What a distance constrains.

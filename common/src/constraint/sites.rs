@@ -36,7 +36,7 @@ pub(super) struct Applied {
     pub(super) site: Site,
     /// Enlargements of its interval.
     pub(super) enlargements: u32,
-    /// Change of its law since the sweep before, in standard deviations or part of the variance.
+    /// Change of its distribution since the sweep before, in standard deviations or part of the variance.
     pub(super) change: f64,
 }
 
@@ -69,10 +69,10 @@ impl<'a> Posterior<'a> {
         policy: Enlargement,
         sites: &Former,
     ) -> Result<Applied, SkipReason> {
-        let law = self.project(&bounded.row)?;
+        let marginal = self.project(&bounded.row)?;
         let former = sites.in_state.unwrap_or(Site { row: bounded.row, precision: 0.0, shift: 0.0 });
-        let cavity = with_site(law, -former.precision, -former.shift);
-        if !is_law(cavity) {
+        let cavity = with_site(marginal, -former.precision, -former.shift);
+        if !is_proper(cavity) {
             return Ok(Applied { site: former, enlargements: 0, change: 0.0 });
         }
         let Truncation { moments, enlargements } =
@@ -89,23 +89,23 @@ impl<'a> Posterior<'a> {
             site.shift += keep * (former.shift - site.shift);
         }
         let updated = with_site(cavity, site.precision, site.shift);
-        let before = sites.earlier.map_or(law, |site| with_site(cavity, site.precision, site.shift));
+        let before = sites.earlier.map_or(marginal, |site| with_site(cavity, site.precision, site.shift));
         let moved = (updated.mean - before.mean).abs() / before.variance.sqrt();
         let change = moved.max((updated.variance / before.variance).ln().abs());
         if change < CONVERGED && former.precision > 0.0 {
             return Ok(Applied { site: former, enlargements, change });
         }
-        self.update(law, updated)?;
+        self.update(marginal, updated)?;
         Ok(Applied { site, enlargements, change })
     }
 
-    /// Takes a site out of the state and its slot. When rounding next to an equality leaves no law without it, the site
+    /// Takes a site out of the state and its slot. When rounding next to an equality leaves no distribution without it, the site
     /// stays in both and the answer is no.
     pub(super) fn take_out(&mut self, slot: &mut Option<Site>) -> bool {
         let Some(site) = *slot else { return true };
-        let Ok(law) = self.project(&site.row) else { return false };
-        let cavity = with_site(law, -site.precision, -site.shift);
-        let is_out = is_law(cavity) && self.update(law, cavity).is_ok();
+        let Ok(marginal) = self.project(&site.row) else { return false };
+        let cavity = with_site(marginal, -site.precision, -site.shift);
+        let is_out = is_proper(cavity) && self.update(marginal, cavity).is_ok();
         if is_out {
             *slot = None;
             self.took_out = true;
@@ -122,24 +122,24 @@ impl<'a> Posterior<'a> {
         self.state.copy_from(&self.prior.0);
         self.covariance.copy_from(&self.prior.1);
         for site in sites {
-            if let Ok(law) = self.project(&site.row) {
+            if let Ok(marginal) = self.project(&site.row) {
                 // A step that is not finite is not taken; the state is then as if without this site.
-                let _ = self.update(law, with_site(law, site.precision, site.shift));
+                let _ = self.update(marginal, with_site(marginal, site.precision, site.shift));
             }
         }
     }
 
-    /// The law of cᵀX + c₀, with Pc left in `gain`.
+    /// The distribution of cᵀX + c₀, with Pc left in `gain`.
     pub(super) fn project(&mut self, row: &SparseRow) -> Result<Gaussian, SkipReason> {
         if !row.fits(self.state.len()) {
             return Err(SkipReason::UnknownPhone);
         }
         row.covariance_times(self.covariance, &mut self.gain);
-        let law = Gaussian { mean: row.at(self.state), variance: row.times(&self.gain) };
-        if !(law.mean.is_finite() && self.gain.iter().all(|element| element.is_finite())) {
+        let marginal = Gaussian { mean: row.at(self.state), variance: row.times(&self.gain) };
+        if !(marginal.mean.is_finite() && self.gain.iter().all(|element| element.is_finite())) {
             Err(SkipReason::NotFinite)
-        } else if law.variance > 0.0 {
-            Ok(law)
+        } else if marginal.variance > 0.0 {
+            Ok(marginal)
         } else {
             Err(SkipReason::NoVariance)
         }
@@ -165,15 +165,18 @@ impl<'a> Posterior<'a> {
     }
 }
 
-/// Whether mean and variance make a law.
-fn is_law(law: Gaussian) -> bool {
-    law.mean.is_finite() && law.variance > 0.0 && law.variance.is_finite()
+/// Whether mean and variance make a distribution.
+fn is_proper(marginal: Gaussian) -> bool {
+    marginal.mean.is_finite() && marginal.variance > 0.0 && marginal.variance.is_finite()
 }
 
-/// A law times exp(−½ precision y² + shift y).
-fn with_site(law: Gaussian, precision: f64, shift: f64) -> Gaussian {
-    let denominator = 1.0 + precision * law.variance;
-    Gaussian { mean: (law.mean + shift * law.variance) / denominator, variance: law.variance / denominator }
+/// A distribution times exp(−½ precision y² + shift y).
+fn with_site(marginal: Gaussian, precision: f64, shift: f64) -> Gaussian {
+    let denominator = 1.0 + precision * marginal.variance;
+    Gaussian {
+        mean: (marginal.mean + shift * marginal.variance) / denominator,
+        variance: marginal.variance / denominator,
+    }
 }
 
 #[cfg(test)]
@@ -199,10 +202,10 @@ mod tests {
                 let former = Former { in_state: None, earlier: None };
                 let applied = posterior.apply(&bounded, Enlargement::Fixed, &former);
                 let mut site = applied.ok().map(|applied| applied.site);
-                let law = (posterior.state.clone(), posterior.covariance.clone());
-                assert!((&law.0 - &prior).amax() > 0.5 && posterior.take_out(&mut site));
+                let marginal = (posterior.state.clone(), posterior.covariance.clone());
+                assert!((&marginal.0 - &prior).amax() > 0.5 && posterior.take_out(&mut site));
                 assert!((&*posterior.state - &prior).amax() < 1e-9, "{}", posterior.state);
-                law
+                marginal
             });
         assert!((&results[0].0 - &results[1].0).amax() < 1e-12);
         assert!((&results[0].1 - &results[1].1).amax() < 1e-12);

@@ -119,7 +119,7 @@ fn outside_sigmas(bounded: &BoundedRow, state: &DVector<f64>, covariance: &DMatr
     if excess > 0.0 && variance > 0.0 { excess / variance.sqrt() } else { 0.0 }
 }
 
-/// Whether a row's interval takes nothing noticeable from its law.
+/// Whether a row's interval takes nothing noticeable from its distribution.
 fn is_idle(bounded: &BoundedRow, state: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
     let margin = IDLE_SIGMAS * bounded.row.variance(covariance).max(0.0).sqrt();
     let mean = bounded.row.at(state);

@@ -56,9 +56,9 @@ fn all_options() -> [ConstraintOptions; 3] {
 
 #[test]
 fn far_tail_40_sigma_truncates_to_the_bound() {
-    let law = Gaussian { mean: 40.0, variance: 1.0 };
+    let gaussian = Gaussian { mean: 40.0, variance: 1.0 };
     let interval = Interval { lower: f64::NEG_INFINITY, upper: 0.0 };
-    let moments = truncate(law, interval, Enlargement::Fixed).unwrap().moments;
+    let moments = truncate(gaussian, interval, Enlargement::Fixed).unwrap().moments;
     // By mpmath: 40 − 40.0249688472…, 6.2266837859e-4.
     assert!((moments.mean + 0.024_968_847_2).abs() < 1e-9, "{moments:?}");
     assert!((moments.variance - 6.226_683_785_9e-4).abs() < 1e-12, "{moments:?}");
@@ -82,8 +82,8 @@ fn enlarging_a_zero_bound_ends() {
         Interval { lower: 0.0, upper: f64::INFINITY },
         Interval { lower: 0.0, upper: 0.0 },
     ] {
-        let law = Gaussian { mean: if interval.upper == 0.0 { 7.0 } else { -7.0 }, variance: 1.0 };
-        let truncation = truncate(law, interval, PENG).unwrap();
+        let gaussian = Gaussian { mean: if interval.upper == 0.0 { 7.0 } else { -7.0 }, variance: 1.0 };
+        let truncation = truncate(gaussian, interval, PENG).unwrap();
         assert!((1..50).contains(&truncation.enlargements), "{interval:?} {truncation:?}");
     }
 }
@@ -98,10 +98,10 @@ fn enlargements_are_bounded() {
 
 #[test]
 fn a_confident_violation_nearly_switches_the_paper_off_but_not_fixed_bounds() {
-    let law = Gaussian { mean: 20.0, variance: 1.0 };
+    let gaussian = Gaussian { mean: 20.0, variance: 1.0 };
     let interval = Interval { lower: -5.0, upper: 5.0 };
-    let fixed = truncate(law, interval, Enlargement::Fixed).unwrap();
-    let peng = truncate(law, interval, PENG).unwrap();
+    let fixed = truncate(gaussian, interval, Enlargement::Fixed).unwrap();
+    let peng = truncate(gaussian, interval, PENG).unwrap();
     assert!(fixed.moments.mean < 5.0 && fixed.moments.mean > 4.9, "{fixed:?}");
     assert!(peng.moments.mean > 18.0, "{peng:?}");
     assert_eq!(fixed.enlargements, 0);
@@ -109,8 +109,9 @@ fn a_confident_violation_nearly_switches_the_paper_off_but_not_fixed_bounds() {
 
 #[test]
 fn an_interval_without_width_becomes_an_equality() {
-    let law = Gaussian { mean: 3.0, variance: 4.0 };
-    let moments = truncate(law, Interval { lower: 1.0, upper: 1.0 }, Enlargement::Fixed).unwrap().moments;
+    let gaussian = Gaussian { mean: 3.0, variance: 4.0 };
+    let moments =
+        truncate(gaussian, Interval { lower: 1.0, upper: 1.0 }, Enlargement::Fixed).unwrap().moments;
     assert!((moments.mean - 1.0).abs() < 1e-3 && moments.variance > 0.0 && moments.variance < 1e-8);
 }
 
@@ -495,7 +496,7 @@ fn a_speed_stays_below_its_maximum_whatever_is_known_of_its_direction() {
             assert_eq!(actions[0].outcome, ConstraintOutcome::Holds, "{actions:?}");
             let up = mean.fixed_rows::<3>(3).dot(&origin().up());
             assert!((up - velocity[2]).abs() < 1e-3, "the vertical velocity is none of its business: {up}");
-            // Every component is known better than the bound on it (a uniform law has maximum/√3), but for the one across
+            // Every component is known better than the bound on it (a uniform distribution has maximum/√3), but for the one across
             // a direction that is certain.
             let east = origin().vector_enu_to_ecef(Enu { east: 1.0, north: 0.0, up: 0.0 }).0;
             let variance = east.dot(&(spread.fixed_view::<3, 3>(3, 3) * east));

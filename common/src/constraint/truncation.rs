@@ -19,7 +19,7 @@ pub struct Interval {
     pub upper: f64,
 }
 
-/// A normal law of one variable.
+/// A normal distribution of one variable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian {
     /// Mean.
@@ -37,7 +37,7 @@ pub enum Enlargement {
     /// Algorithm 1: while the truncated moments give the interval a probability below 1 − `confidence`, make it `factor`
     /// times as wide about its centre (one-sided ones move their bound, courses widen their tolerance).
     ///
-    /// Beware: for a mean far outside the truncated law is nearly exponential and its moments give the interval about
+    /// Beware: for a mean far outside the truncated distribution is nearly exponential and its moments give the interval about
     /// 0.84. With the paper's 0.1 the interval then grows until it reaches the mean, and the correction is all but lost.
     Peng {
         /// The paper's c, 0.1.
@@ -104,9 +104,9 @@ impl Interval {
     }
 
     /// In standard deviations from the mean, at least [`LEAST_WIDTH_SIGMAS`] wide.
-    fn standardised(&self, law: Gaussian) -> (f64, f64) {
-        let sigma = law.variance.sqrt();
-        let (lower, upper) = ((self.lower - law.mean) / sigma, (self.upper - law.mean) / sigma);
+    fn standardised(&self, gaussian: Gaussian) -> (f64, f64) {
+        let sigma = gaussian.variance.sqrt();
+        let (lower, upper) = ((self.lower - gaussian.mean) / sigma, (self.upper - gaussian.mean) / sigma);
         // Far out two doubles of this distance may coincide.
         let least = LEAST_WIDTH_SIGMAS.max(1e-12 * lower.abs().min(upper.abs()));
         if upper - lower < least {
@@ -118,18 +118,20 @@ impl Interval {
     }
 }
 
-/// The moments of a normal law within an interval, which the policy may enlarge.
+/// The moments of a normal distribution within an interval, which the policy may enlarge.
 ///
-/// `None` when the law has no positive finite variance, or a result is not finite.
-pub fn truncate(law: Gaussian, interval: Interval, policy: Enlargement) -> Option<Truncation> {
+/// `None` when the distribution has no positive finite variance, or a result is not finite.
+pub fn truncate(gaussian: Gaussian, interval: Interval, policy: Enlargement) -> Option<Truncation> {
     match policy {
-        Enlargement::Fixed => Some(Truncation { moments: moments_within(law, interval)?, enlargements: 0 }),
+        Enlargement::Fixed => {
+            Some(Truncation { moments: moments_within(gaussian, interval)?, enlargements: 0 })
+        }
         Enlargement::Peng { confidence, factor, max_iterations } => {
-            let sigma = law.variance.sqrt();
+            let sigma = gaussian.variance.sqrt();
             let mut enlargements = 0;
             loop {
                 let current = interval.enlarged(factor, enlargements, sigma);
-                let moments = moments_within(law, current)?;
+                let moments = moments_within(gaussian, current)?;
                 if enlargements >= max_iterations || plausible(moments, current, confidence) {
                     return Some(Truncation { moments, enlargements });
                 }
@@ -139,22 +141,22 @@ pub fn truncate(law: Gaussian, interval: Interval, policy: Enlargement) -> Optio
     }
 }
 
-/// Whether an interval has the probability 1 − `confidence` or more under a law (Algorithm 1, steps 9-10).
-pub(super) fn plausible(law: Gaussian, interval: Interval, confidence: f64) -> bool {
-    let (lower, upper) = interval.standardised(law);
+/// Whether an interval has the probability 1 − `confidence` or more under a distribution (Algorithm 1, steps 9-10).
+pub(super) fn plausible(gaussian: Gaussian, interval: Interval, confidence: f64) -> bool {
+    let (lower, upper) = interval.standardised(gaussian);
     log_interval_probability(lower, upper) >= (1.0 - confidence).ln()
 }
 
-/// The moments of a normal law within an interval, as they are.
-pub(super) fn moments_within(law: Gaussian, interval: Interval) -> Option<Gaussian> {
-    if !(law.variance > 0.0 && law.variance.is_finite() && law.mean.is_finite()) {
+/// The moments of a normal distribution within an interval, as they are.
+pub(super) fn moments_within(gaussian: Gaussian, interval: Interval) -> Option<Gaussian> {
+    if !(gaussian.variance > 0.0 && gaussian.variance.is_finite() && gaussian.mean.is_finite()) {
         return None;
     }
-    let (lower, upper) = interval.standardised(law);
+    let (lower, upper) = interval.standardised(gaussian);
     let within = truncated_moments(lower, upper)?;
-    let mean = law.mean + law.variance.sqrt() * within.mean;
+    let mean = gaussian.mean + gaussian.variance.sqrt() * within.mean;
     let mean =
         if interval.lower < interval.upper { mean.clamp(interval.lower, interval.upper) } else { mean };
-    let variance = law.variance * within.variance.min(1.0);
+    let variance = gaussian.variance * within.variance.min(1.0);
     (mean.is_finite() && variance > 0.0).then_some(Gaussian { mean, variance })
 }

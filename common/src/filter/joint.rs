@@ -136,7 +136,7 @@ impl JointFilter {
         self.slots.push(Slot { phone, up, up_at: start.position, measured: time_gps, rejecting: 0 });
     }
 
-    /// Takes a phone out; the others keep their joint law (marginalisation).
+    /// Takes a phone out; the others keep their joint distribution (marginalisation).
     pub fn remove(&mut self, slot: usize) {
         if slot >= self.slots.len() {
             return;

@@ -27,7 +27,6 @@ mod update;
 
 pub use joint::{JointFilter, Start};
 pub use options::{FilterOptions, ProcessNoise, RobustWeights};
-pub use update::UpdateReport;
 
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};

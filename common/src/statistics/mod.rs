@@ -1,6 +1,6 @@
 //! Distributions and quantiles, right in the far tails where tests and truncation live.
 //!
-//! - [`normal`]: the standard normal law, with logarithms and quantiles.
+//! - [`normal`]: the standard normal distribution, with logarithms and quantiles.
 //! - [`chi_square`]: tail probability and thresholds for an integer number of degrees of freedom.
 //! - [`truncated`]: moments of a standard normal variable known to lie in an interval.
 
