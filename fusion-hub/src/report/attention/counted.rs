@@ -227,26 +227,26 @@ impl Any {
     fn look(&self, report: &Report) -> Option<Finding> {
         let of_phones = report.phones.iter().map(|(name, phone)| (Some(name), &phone.skips));
         let all = of_phones.chain([(None, &report.skips)]);
-        let counted: Vec<(Option<&String>, &Skip)> =
+        let counted: Vec<(Option<&String>, (&str, &Skip))> =
             all.filter_map(|(name, skips)| Some((name, self.find(skips)?))).collect();
-        let total: u64 = counted.iter().map(|(_, skip)| skip.count).sum();
-        let (_, Skip { first, .. }) = counted.first()?;
+        let total: u64 = counted.iter().map(|(_, (_, skip))| skip.count).sum();
+        let (_, (key, Skip { first, .. })) = counted.first()?;
         Some(Finding {
             severity: self.severity,
             kind: self.kind,
             phones: counted.iter().filter_map(|(name, ..)| name.map(String::to_owned)).collect(),
-            text: format!("{total} × {} (first: {first})", self.reason),
+            text: format!("{total} × {key} (first: {first})"),
             advice: self.advice.to_owned(),
         })
     }
 
     /// The count under the reason alone, or behind the stage that counted it.
-    fn find<'a>(&self, skips: &'a Skips) -> Option<&'a Skip> {
+    fn find<'a>(&self, skips: &'a Skips) -> Option<(&'a str, &'a Skip)> {
         let is_it = |key: &str| {
             key.strip_suffix(self.reason.text())
                 .is_some_and(|stage| stage.is_empty() || stage.ends_with(": "))
         };
-        skips.iter().find(|(key, _)| is_it(key)).map(|(_, skip)| skip)
+        skips.iter().find(|(key, _)| is_it(key))
     }
 }
 

@@ -199,7 +199,7 @@ fn each_fault_is_found_by_itself() {
         (
             "no-base",
             Severity::Worse,
-            "1 × source brought neither an ephemeris nor an epoch of a base (first: the first)",
+            "1 × corrections: source brought neither an ephemeris nor an epoch of a base (first: the first)",
             |r| {
                 of_a(r).skips = skips(Reason::SourceBroughtNothing, 1).with_prefix("corrections: ");
             },
