@@ -219,6 +219,7 @@ impl Publish {
             log: log.with(&masks)?,
             pipeline,
             patience: Duration::from_secs(self.patience),
+            hub_in_process: false,
             kept_messages: AgentConfig::KEPT_MESSAGES,
         })
     }

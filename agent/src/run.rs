@@ -11,7 +11,7 @@ use cofix_common::wire::{EpochMessage, PhoneStatus, check_name};
 
 use crate::corrections::{Feed, News};
 use crate::input::ntrip::RoverPosition;
-use crate::publication::link::{self, LinkError};
+use crate::publication::link::{Connection, LinkError};
 use crate::publication::pace::Pace;
 use crate::publication::{Publication, PublicationError, Publisher};
 use crate::source::products::{Loaded, OwnNavigation, note_shortcomings};
@@ -94,7 +94,12 @@ pub fn run_watched(
         check_name(name).map_err(PublicationError::from)?;
     }
     let Prepared { products, expected, mut opened, feed, rover, mut skips } = Prepared::new(config, stop)?;
-    let Some(session) = link::connect_unless_stopped(&config.connect, config.patience, stop)? else {
+    let connection = Connection {
+        endpoints: &config.connect,
+        patience: config.patience,
+        longest_block: config.longest_block(),
+    };
+    let Some(session) = connection.open(stop)? else {
         let corrections = DifferentialCounts::default();
         return Ok(AgentReport { epochs_published: 0, solutions: 0, stopped: true, corrections, skips });
     };
@@ -341,7 +346,7 @@ fn finish(
         return Ok(());
     }
     let last_wait = if is_live { &Stop::default() } else { stop };
-    match publication.wait_for_receipt(config.patience, last_wait) {
+    match publication.wait_for_receipt(config.receipt_patience(), last_wait) {
         Some(confirmed) if confirmed >= published => Ok(()),
         Some(confirmed) => Err(AgentError::NotConfirmed { confirmed, published }),
         None => Err(AgentError::Unanswered { published }),

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::thread::{Builder, JoinHandle};
+use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
 use cofix_agent::settings::{LogOptions, MaskError};
@@ -263,6 +264,7 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
             corrections: plan.settings.corrections.clone(),
             log: plan.log(phone)?,
             pipeline: plan.pipeline(phone)?,
+            hub_in_process: true,
             ..AgentConfig::new(&plan.group, &phone.name, phone.source.clone())
         };
         match start_agent(config, &network, agents_stop.clone()) {
@@ -331,7 +333,7 @@ fn join(agents: Vec<JoinHandle<()>>, events: &std::sync::mpsc::Receiver<Event>) 
     let mut failed = None;
     for agent in agents {
         while !agent.is_finished() {
-            let event = events.recv_timeout(std::time::Duration::from_millis(20));
+            let event = events.recv_timeout(Duration::from_millis(20));
             if let Ok(Event::AgentEnded { phone, outcome: Err(error) }) = event {
                 failed.get_or_insert_with(|| anyhow!("{phone}: {error}"));
             }

@@ -8,7 +8,7 @@ pub mod slow_link;
 use std::time::Duration;
 
 use anyhow::Context;
-use cofix_agent::publication::link;
+use cofix_agent::publication::link::{Connection, LONGEST_BLOCK};
 use cofix_agent::{AgentConfig, AgentError, AgentReport, ProductSource, Stop};
 use cofix_common::fusion::align::Aligner;
 use cofix_common::fusion::engine::Engine;
@@ -125,8 +125,18 @@ impl Hub {
     /// # Errors
     /// When the hub does not answer.
     pub fn foreign_session(&self) -> anyhow::Result<zenoh::Session> {
-        Ok(link::connect(&self.endpoints, Duration::from_secs(10))?)
+        connect(&self.endpoints)
     }
+}
+
+/// A Zenoh session that is connected to a hub.
+///
+/// # Errors
+/// When the hub does not answer.
+pub fn connect(endpoints: &[String]) -> anyhow::Result<zenoh::Session> {
+    let connection = Connection { endpoints, patience: AgentConfig::PATIENCE, longest_block: LONGEST_BLOCK };
+    let session = connection.open(&Stop::default())?;
+    session.context("nobody asked to stop")
 }
 
 /// The configuration of the agent of a plan's phone.

@@ -5,7 +5,6 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use cofix_agent::publication::link;
 use cofix_agent::publication::{Publication, Publisher};
 use cofix_agent::{AgentConfig, AgentError, ProductSource, Source, Speed, Stop};
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
@@ -19,7 +18,7 @@ use cofix_common::wire::{
 use cofix_hub::group::Course;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_tests::slow_link::SlowLink;
-use cofix_tests::{Hub, agent_config, limits, plan_of, run_agents, small_plan, start_agent};
+use cofix_tests::{Hub, agent_config, connect, limits, plan_of, run_agents, small_plan, start_agent};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
 use zenoh::sample::Locality;
@@ -34,7 +33,7 @@ fn messages(plan: &Plan, phone: usize) -> Vec<EpochMessage> {
 }
 
 fn publication(plan: &Plan, phone: usize, endpoints: &[String]) -> Publication {
-    let session = link::connect(endpoints, Duration::from_secs(10)).unwrap();
+    let session = connect(endpoints).unwrap();
     let publisher = Publisher { group: &plan.group, phone: &plan.phones[phone].name, kept_messages: 100 };
     let publication = Publication::declare(session, publisher).unwrap();
     assert!(publication.wait_for_listener(Duration::from_secs(10), &Stop::default()).unwrap());

@@ -44,62 +44,66 @@ const RETRY_MS: &str = "{ period_init_ms: 500, period_max_ms: 1000, period_incre
 /// Bytes that may wait in the system for a slow link, some ten seconds of epochs: more would only be late.
 const SEND_BUFFER_BYTES: &str = "32768";
 
-/// Opens a session that connects to `endpoints`, waiting up to `patience` for one of them to answer. Blocks.
-///
-/// # Errors
-/// When an endpoint is malformed or none answers in time.
-pub fn connect(endpoints: &[String], patience: Duration) -> Result<Session, LinkError> {
-    match connect_unless_stopped(endpoints, patience, &Stop::default()) {
-        Ok(Some(session)) => Ok(session),
-        Ok(None) => Err(unreachable(endpoints, Duration::ZERO)),
-        Err(error) => Err(error),
+/// Longest wait for a hub on the network that takes no message in: Zenoh's own.
+pub const LONGEST_BLOCK: Duration = Duration::from_secs(5);
+
+/// A connection of an agent to its hub.
+#[derive(Clone, Copy, Debug)]
+pub struct Connection<'a> {
+    /// Zenoh endpoints; one is enough.
+    pub endpoints: &'a [String],
+    /// Longest wait until an endpoint answers.
+    pub patience: Duration,
+    /// Longest wait for a hub that takes no message in; then the connection counts as lost.
+    pub longest_block: Duration,
+}
+
+impl Connection<'_> {
+    /// Opens a session. Blocks; `None` when asked to stop meanwhile, which is noticed within some seconds.
+    ///
+    /// # Errors
+    /// When an endpoint is malformed or none answers in time.
+    pub fn open(&self, stop: &Stop) -> Result<Option<Session>, LinkError> {
+        check(self.endpoints, 1)?;
+        let start = Instant::now();
+        let (mut longest, limit) = SLICES;
+        loop {
+            if stop.is_requested() {
+                return Ok(None);
+            }
+            let slice = self.patience.saturating_sub(start.elapsed()).min(longest);
+            longest = limit.min(2 * longest);
+            let begun = Instant::now();
+            match zenoh::open(self.config(slice)?).wait() {
+                Ok(session) => return Ok(Some(session)),
+                Err(error) => tracing::debug!("{}", plain(&error)),
+            }
+            if start.elapsed() >= self.patience {
+                let waited_s = self.patience.as_secs_f64();
+                return Err(LinkError::Unreachable { endpoints: self.endpoints.join(", "), waited_s });
+            }
+            // An attempt may fail at once.
+            if stop.sleep(slice.min(SLICES.0).saturating_sub(begun.elapsed())) {
+                return Ok(None);
+            }
+        }
     }
-}
 
-/// Like [`connect`]; `None` when asked to stop meanwhile, which is noticed within some seconds.
-///
-/// # Errors
-/// When an endpoint is malformed or none answers in time.
-pub fn connect_unless_stopped(
-    endpoints: &[String],
-    patience: Duration,
-    stop: &Stop,
-) -> Result<Option<Session>, LinkError> {
-    check(endpoints, 1)?;
-    let start = Instant::now();
-    let (mut longest, limit) = SLICES;
-    loop {
-        if stop.is_requested() {
-            return Ok(None);
+    /// For an attempt of this duration.
+    fn config(&self, attempt: Duration) -> Result<Config, LinkError> {
+        let attempt_ms = attempt.as_millis().max(1).to_string();
+        let longest_block_us = self.longest_block.as_micros().to_string();
+        let mut config = config("client", "connect/endpoints", self.endpoints)?;
+        for (key, value) in [
+            ("connect/timeout_ms", attempt_ms.as_str()),
+            ("connect/retry", RETRY_MS),
+            ("transport/link/tcp/so_sndbuf", SEND_BUFFER_BYTES),
+            ("transport/link/tx/queue/congestion_control/block/wait_before_close", &longest_block_us),
+        ] {
+            config = with(config, key, value, self.endpoints)?;
         }
-        let slice = patience.saturating_sub(start.elapsed()).min(longest);
-        longest = limit.min(2 * longest);
-        let begun = Instant::now();
-        match attempt(endpoints, slice)? {
-            Ok(session) => return Ok(Some(session)),
-            Err(error) => tracing::debug!("{}", plain(&error)),
-        }
-        if start.elapsed() >= patience {
-            return Err(unreachable(endpoints, patience));
-        }
-        // An attempt may fail at once.
-        if stop.sleep(slice.min(SLICES.0).saturating_sub(begun.elapsed())) {
-            return Ok(None);
-        }
+        Ok(config)
     }
-}
-
-fn attempt(endpoints: &[String], patience: Duration) -> Result<zenoh::Result<Session>, LinkError> {
-    let milliseconds = patience.as_millis().max(1).to_string();
-    let config = config("client", "connect/endpoints", endpoints)
-        .and_then(|config| with(config, "connect/timeout_ms", &milliseconds, endpoints))
-        .and_then(|config| with(config, "connect/retry", RETRY_MS, endpoints))
-        .and_then(|config| with(config, "transport/link/tcp/so_sndbuf", SEND_BUFFER_BYTES, endpoints))?;
-    Ok(zenoh::open(config).wait())
-}
-
-fn unreachable(endpoints: &[String], waited: Duration) -> LinkError {
-    LinkError::Unreachable { endpoints: endpoints.join(", "), waited_s: waited.as_secs_f64() }
 }
 
 /// Whether all endpoints are of the transport that is built in, with a host and a port from `first_port` on.
@@ -241,7 +245,9 @@ mod tests {
         let asked = stop.clone();
         let endpoints = ["tcp/127.0.0.1:9".to_owned()];
         let day = Duration::from_hours(24);
-        let attempts = std::thread::spawn(move || connect_unless_stopped(&endpoints, day, &asked));
+        let attempts = std::thread::spawn(move || {
+            Connection { endpoints: &endpoints, patience: day, longest_block: day }.open(&asked)
+        });
         stop.request();
         assert!(matches!(attempts.join().unwrap(), Ok(None)));
     }
