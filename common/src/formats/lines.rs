@@ -1,46 +1,53 @@
 //! Bytes in any portions to lines.
 
-use super::text::trim_end;
 use crate::skips::{Reason, Skips};
 
-/// Longest line that is kept, bytes. Lines of observation files with dozens of types stay below 2000.
-pub const MAX_LINE_BYTES: usize = 16_384;
+/// Longest line that is read of logs and tables, bytes. `Raw` lines of GnssLogger have about 400, its headers about 1000.
+const MAX_LINE_BYTES: usize = 65_536;
 
-/// Puts lines together, in bounded memory.
+/// Puts lines of at most `MAX_BYTES` together, in bounded memory.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct LineAssembly {
+pub(crate) struct LineAssembly<const MAX_BYTES: usize = MAX_LINE_BYTES> {
     partial: Vec<u8>,
     overlong: bool,
     number: u64,
 }
 
-/// A line that is complete.
+/// A line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Line<'a> {
+pub(crate) struct Line<'a, const MAX_BYTES: usize = MAX_LINE_BYTES> {
     /// Number from 1.
     pub(crate) number: u64,
-    /// The line without its end; `None` where it was longer than [`MAX_LINE_BYTES`].
-    text: Option<&'a [u8]>,
+    /// The line without its line feed; `None` if it is longer than `MAX_BYTES`.
+    pub(crate) text: Option<&'a [u8]>,
 }
 
-impl<'a> Line<'a> {
-    /// The line; one that was too long is counted, and an empty one in its place.
-    pub(crate) fn kept(self, skips: &mut Skips) -> &'a [u8] {
-        self.text.unwrap_or_else(|| {
-            skips.add(Reason::LineTooLong, || {
-                format!("line {}: more than {MAX_LINE_BYTES} bytes; left out", self.number)
-            });
-            b""
-        })
+impl<'a, const MAX_BYTES: usize> Line<'a, MAX_BYTES> {
+    /// The text; a line that is too long is counted.
+    pub(crate) fn counted(self, skips: &mut Skips) -> Option<&'a [u8]> {
+        if self.text.is_none() {
+            skips.add(Reason::LineTooLong, || format!("line {}: more than {MAX_BYTES} bytes", self.number));
+        }
+        self.text
     }
 }
 
-impl LineAssembly {
+/// Hands every line of `bytes` to `take`, until that fails.
+pub(crate) fn each_line<const MAX_BYTES: usize, E>(
+    bytes: &[u8],
+    mut take: impl FnMut(Line<'_, MAX_BYTES>) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut assembly = LineAssembly::<MAX_BYTES>::default();
+    assembly.feed(bytes, &mut take)?;
+    assembly.finish(take)
+}
+
+impl<const MAX_BYTES: usize> LineAssembly<MAX_BYTES> {
     /// Takes bytes and hands every line that they complete to `take`, until that fails.
     pub(crate) fn feed<E>(
         &mut self,
         mut bytes: &[u8],
-        mut take: impl FnMut(Line<'_>) -> Result<(), E>,
+        mut take: impl FnMut(Line<'_, MAX_BYTES>) -> Result<(), E>,
     ) -> Result<(), E> {
         loop {
             let before = bytes;
@@ -50,9 +57,9 @@ impl LineAssembly {
                 self.append(before);
                 return Ok(());
             };
-            if self.partial.is_empty() && !self.overlong && line.len() <= MAX_LINE_BYTES {
+            if self.partial.is_empty() && !self.overlong && line.len() <= MAX_BYTES {
                 self.number += 1;
-                take(Line { number: self.number, text: Some(trim_end(line)) })?;
+                take(Line { number: self.number, text: Some(line) })?;
             } else {
                 self.append(line);
                 self.complete(&mut take)?;
@@ -60,19 +67,22 @@ impl LineAssembly {
         }
     }
 
-    /// The last line, where it has no end.
-    pub(crate) fn finish<E>(&mut self, mut take: impl FnMut(Line<'_>) -> Result<(), E>) -> Result<(), E> {
-        if self.partial.is_empty() && !self.overlong { Ok(()) } else { self.complete(&mut take) }
+    /// Hands the last line to `take` if it has no line feed.
+    pub(crate) fn finish<E>(
+        &mut self,
+        take: impl FnOnce(Line<'_, MAX_BYTES>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if self.partial.is_empty() && !self.overlong { Ok(()) } else { self.complete(take) }
     }
 
-    fn complete<E>(&mut self, take: &mut impl FnMut(Line<'_>) -> Result<(), E>) -> Result<(), E> {
+    fn complete<E>(&mut self, take: impl FnOnce(Line<'_, MAX_BYTES>) -> Result<(), E>) -> Result<(), E> {
         let (partial, overlong) = (std::mem::take(&mut self.partial), std::mem::take(&mut self.overlong));
         self.number += 1;
-        take(Line { number: self.number, text: (!overlong).then_some(trim_end(&partial)) })
+        take(Line { number: self.number, text: (!overlong).then_some(&partial) })
     }
 
     fn append(&mut self, bytes: &[u8]) {
-        if self.overlong || self.partial.len() + bytes.len() > MAX_LINE_BYTES {
+        if self.overlong || self.partial.len() + bytes.len() > MAX_BYTES {
             self.overlong = true;
             self.partial = Vec::new();
         } else {
@@ -84,14 +94,15 @@ impl LineAssembly {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formats::text::{lines, trim_end};
     use proptest::prelude::*;
 
     type Lines = Vec<(u64, Option<Vec<u8>>)>;
 
     fn assemble<'a>(portions: impl Iterator<Item = &'a [u8]>) -> Lines {
-        let (mut assembly, mut lines) = (LineAssembly::default(), Lines::new());
+        let (mut assembly, mut lines) = (<LineAssembly>::default(), Lines::new());
         let mut take = |line: Line<'_>| {
-            lines.push((line.number, line.text.map(<[u8]>::to_vec)));
+            lines.push((line.number, line.text.map(|text| trim_end(text).to_vec())));
             Ok::<(), ()>(())
         };
         for portion in portions {
@@ -104,10 +115,19 @@ mod tests {
 
     #[test]
     fn overlong_lines_leave_a_number_behind() {
-        let text = [b"a\r\n".to_vec(), vec![b'x'; 1_000_000], b"\nb".to_vec()].concat();
-        let expected = vec![(1, Some(b"a".to_vec())), (2, None), (3, Some(b"b".to_vec()))];
-        assert_eq!(assemble(text.chunks(text.len())), expected);
-        assert_eq!(assemble(text.chunks(7)), expected);
+        let longest = vec![b'y'; MAX_LINE_BYTES];
+        let text = [b"a\r\n", &*vec![b'x'; 1_000_000], b"\n\n", &longest, b"\n", &longest, b"y\nb"].concat();
+        let expected = vec![
+            (1, Some(b"a".to_vec())),
+            (2, None),
+            (3, Some(Vec::new())),
+            (4, Some(longest)),
+            (5, None),
+            (6, Some(b"b".to_vec())),
+        ];
+        for portion in [1, 7, 1_000, MAX_LINE_BYTES, MAX_LINE_BYTES + 1, text.len()] {
+            assert_eq!(assemble(text.chunks(portion)), expected, "{portion}");
+        }
     }
 
     proptest! {
@@ -117,7 +137,7 @@ mod tests {
             size in 1..20_usize,
         ) {
             let expected: Lines =
-                crate::formats::text::lines(&text).map(|(number, line)| (number, Some(line.to_vec()))).collect();
+                lines(&text).map(|(number, line)| (number, Some(line.to_vec()))).collect();
             prop_assert_eq!(assemble(text.chunks(size)), expected);
         }
     }

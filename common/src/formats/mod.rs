@@ -14,7 +14,7 @@ pub mod gsdc;
 mod integer;
 pub mod ionex;
 pub mod kinds;
-pub mod lines;
+mod lines;
 mod lost_locks;
 mod moscow;
 pub mod navbits;

@@ -7,7 +7,6 @@ use super::device::Device;
 use super::epochs::Epochs;
 use super::fields::Fields;
 use super::fix::{self, Fix};
-use super::lines::{Framed, Lines};
 use super::nav::NavLines;
 use super::options::Options;
 use super::raw;
@@ -17,8 +16,8 @@ use super::status::{self, Reports, SignalStatus};
 use super::table::Columns;
 use crate::atmosphere::KlobucharCoefficients;
 use crate::formats::decode::{Decoder, Record, WrongStream};
-use crate::formats::text::shorten;
-use crate::formats::text::without_mark;
+use crate::formats::lines::{Line, LineAssembly};
+use crate::formats::text::{shorten, without_mark};
 use crate::measurement::RecordedEpoch;
 use crate::orbit::IonosphereTerms;
 use crate::skips::{Reason, Skips};
@@ -72,7 +71,7 @@ const UNUSED_KINDS: [&[u8]; 19] = [
 #[derive(Clone, Debug)]
 pub struct GnssLoggerDecoder {
     options: Options,
-    lines: Lines,
+    lines: LineAssembly,
     line_number: u64,
     device: Option<Device>,
     /// The first position by the best provider.
@@ -104,7 +103,7 @@ impl GnssLoggerDecoder {
     pub fn new(options: Options) -> Self {
         Self {
             options,
-            lines: Lines::default(),
+            lines: LineAssembly::default(),
             line_number: 0,
             device: None,
             own_fix: None,
@@ -182,16 +181,13 @@ impl GnssLoggerDecoder {
         self.epochs.time()
     }
 
-    fn take(&mut self, framed: Framed<'_>) {
-        self.line_number += 1;
-        let number = self.line_number;
-        match framed {
-            Framed::Line(line) => self.line(line),
-            Framed::TooLong => {
-                self.state.line(false, self.line_number, b"(a line of more than 64 KiB)");
-                self.skips.add(Reason::LineTooLong, || format!("line {number}: more than 65536 bytes"));
-            }
+    fn take(&mut self, line: Line<'_>) -> Result<(), WrongStream> {
+        self.line_number = line.number;
+        match line.counted(&mut self.skips) {
+            Some(text) => self.line(text),
+            None => self.state.line(false, line.number, b"(a line of more than 64 KiB)"),
         }
+        self.state.check()
     }
 
     fn line(&mut self, line: &[u8]) {
@@ -287,24 +283,20 @@ impl GnssLoggerDecoder {
 
 impl Decoder for GnssLoggerDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
+        self.state.check()?;
         let mut lines = std::mem::take(&mut self.lines);
-        let mut rest = bytes;
-        while let Some(framed) = lines.next(&mut rest) {
-            if matches!(self.state, Recognition::Wrong(_)) {
-                break;
-            }
-            self.take(framed);
-        }
+        let result = lines.feed(bytes, |line| self.take(line));
         self.lines = lines;
-        self.state.check()
+        result
     }
 
     fn finish(&mut self) -> Result<(), WrongStream> {
         self.state.check()?;
-        if let Some(cut) = self.lines.finish() {
-            let number = self.line_number + 1;
-            self.skips.add(Reason::LastLineCutOff, || format!("line {number}: '{}'", shorten(&cut)));
-        }
+        self.lines.finish(|Line { number, text }| {
+            let cut = shorten(text.unwrap_or_default());
+            self.skips.add(Reason::LastLineCutOff, || format!("line {number}: '{cut}'"));
+            Ok(())
+        })?;
         self.epochs.finish(&mut self.skips, &mut self.records);
         self.nav.finish(&mut self.skips);
         self.state.check_end(self.line_number)

@@ -15,7 +15,6 @@ mod device;
 mod epochs;
 mod fields;
 mod fix;
-pub(crate) mod lines;
 mod measure;
 mod names;
 mod nav;

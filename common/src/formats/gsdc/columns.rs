@@ -1,5 +1,7 @@
 //! The two generations' columns, found by name.
 
+use crate::formats::text::without_mark;
+
 /// Positions of the columns in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Columns {
@@ -127,6 +129,15 @@ impl Generation {
             ],
         }
     }
+}
+
+/// The fields of a line: cut at commas, without blanks, quotes and the carriage return around them. Bytes that are no text
+/// give an empty field.
+pub(super) fn fields(line: &[u8]) -> Vec<&str> {
+    without_mark(line)
+        .split(|byte| *byte == b',')
+        .map(|field| std::str::from_utf8(field).unwrap_or_default().trim().trim_matches('"').trim())
+        .collect()
 }
 
 impl Columns {

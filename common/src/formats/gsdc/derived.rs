@@ -2,13 +2,13 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use super::columns::Columns;
-use super::line::{Lines, fields};
+use super::columns::{Columns, fields};
 use super::losses::Losses;
 use super::row::{self, Row};
 use super::times::{self, Shift};
 use crate::formats::decode::{Decoder, Record, WrongStream};
 use crate::formats::gnsslogger::Masks;
+use crate::formats::lines::LineAssembly;
 use crate::formats::text::{is_blank, without_mark};
 use crate::formats::time_order::{DAY_S, LONG_STEP_S};
 use crate::gnss::Observation;
@@ -54,7 +54,7 @@ impl DerivedFile {
 /// their corrections.
 #[derive(Clone, Debug, Default)]
 pub struct DerivedDecoder {
-    lines: Lines,
+    lines: LineAssembly,
     state: Table,
     ready: VecDeque<RecordedEpoch>,
     last: Option<RecordedEpoch>,
@@ -282,11 +282,13 @@ impl Decoder for DerivedDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
         self.state.check_kind()?;
         let Self { lines, state, ready, skips, .. } = self;
-        lines.feed(bytes, skips, |number, line, skips| {
-            state.line(number, line, skips);
-            state.complete(false, ready);
-        });
-        self.state.check_kind()
+        lines.feed(bytes, |line| {
+            if let Some(text) = line.counted(skips) {
+                state.line(line.number, text, skips);
+                state.complete(false, ready);
+            }
+            state.check_kind()
+        })
     }
 
     /// A last line without a line end may be cut short in its last number, and is dropped.
@@ -295,11 +297,14 @@ impl Decoder for DerivedDecoder {
         if self.state.columns.is_none() {
             return Err(WrongStream { reason: "not a challenge table: no header line".to_owned() });
         }
-        if let Some((number, rest)) = self.lines.rest() {
-            let length = rest.len();
-            self.skips
-                .add(Reason::LastLineCutOff, || format!("line {number}: {length} bytes without a line end"));
-        }
+        self.lines.finish(|line| {
+            if let Some(rest) = line.counted(&mut self.skips).filter(|rest| !is_blank(rest)) {
+                self.skips.add(Reason::LastLineCutOff, || {
+                    format!("line {}: {} bytes without a line end", line.number, rest.len())
+                });
+            }
+            Ok(())
+        })?;
         self.state.drop_irregular(&mut self.skips);
         if let Some(latest) = self.state.latest {
             self.state.drop_suspect(|suspect| suspect - latest > DAY_S, &mut self.skips);

@@ -9,7 +9,6 @@
 
 mod columns;
 mod derived;
-mod line;
 mod losses;
 mod masks;
 mod row;

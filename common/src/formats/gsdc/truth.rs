@@ -1,8 +1,9 @@
 //! The challenges' ground truths.
 
-use super::line::{Lines, fields};
+use super::columns::fields;
 use crate::accuracy::{Truth, TruthError, TruthPoint};
 use crate::formats::integer::integer;
+use crate::formats::lines::{Line, each_line};
 use crate::formats::text::content;
 use crate::frames::{EcefVector, Enu, Geodetic, LocalFrame};
 use crate::skips::{Reason, Skips};
@@ -66,13 +67,14 @@ pub fn is_ground_truth(bytes: &[u8]) -> bool {
 pub fn ground_truth(bytes: &[u8]) -> Result<(Truth, Skips), TruthError> {
     let mut skips = Skips::default();
     let mut reader = Reader { header: None, points: Vec::new(), rows: 0 };
-    let mut lines = Lines::default();
-    lines.feed(bytes, &mut skips, |number, line, skips| reader.line(number, &fields(line), skips));
-    if let Some((number, rest)) = lines.rest() {
-        reader.line(number, &fields(rest), &mut skips);
-    }
+    each_line(bytes, |line: Line<'_>| match line.counted(&mut skips) {
+        Some(text) => reader.line(line.number, &fields(text), &mut skips),
+        None => Ok(()),
+    })?;
     let Reader { header, points, rows } = reader;
-    header.unwrap_or_else(|| Header::find(&[]))?;
+    if header.is_none() {
+        Header::find(&[])?;
+    }
     if points.is_empty() {
         return Err(TruthError::Empty { rows, skips: skips.to_string() });
     }
@@ -80,7 +82,7 @@ pub fn ground_truth(bytes: &[u8]) -> Result<(Truth, Skips), TruthError> {
 }
 
 struct Reader {
-    header: Option<Result<Header, TruthError>>,
+    header: Option<Header>,
     points: Vec<(GpsTime, TruthPoint)>,
     rows: usize,
 }
@@ -136,18 +138,19 @@ impl Header {
 }
 
 impl Reader {
-    fn line(&mut self, number: u64, fields: &[&str], skips: &mut Skips) {
-        match &self.header {
-            None if fields.iter().all(|field| field.is_empty()) => {}
-            None => self.header = Some(Header::find(fields)),
-            Some(Ok(header)) if fields.iter().any(|field| !field.is_empty()) => {
-                self.rows += 1;
-                match header.point(fields) {
-                    Some(point) => self.points.push(point),
-                    None => skips.add(Reason::TruthRowUnusable, || format!("line {number}")),
-                }
-            }
-            Some(_) => {}
+    fn line(&mut self, number: u64, fields: &[&str], skips: &mut Skips) -> Result<(), TruthError> {
+        if fields.iter().all(|field| field.is_empty()) {
+            return Ok(());
         }
+        let Some(header) = &self.header else {
+            self.header = Some(Header::find(fields)?);
+            return Ok(());
+        };
+        self.rows += 1;
+        match header.point(fields) {
+            Some(point) => self.points.push(point),
+            None => skips.add(Reason::TruthRowUnusable, || format!("line {number}")),
+        }
+        Ok(())
     }
 }

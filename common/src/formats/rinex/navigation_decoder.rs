@@ -5,7 +5,6 @@ use super::glonass_record::glonass_ephemeris;
 use super::navigation_header::NavigationHeader;
 use super::navigation_record::{Fault, Record, ephemeris};
 use super::stream::Stream;
-use crate::formats::lines::Line;
 use crate::formats::text::{columns, is_blank, shorten, trim_end, without_mark};
 use crate::gnss::Constellation;
 use crate::orbit::{GlonassEphemeris, IonosphereTerms, KeplerEphemeris};
@@ -24,7 +23,7 @@ pub struct NavigationDecoder {
     has_begun: bool,
     kind: Kind,
     record: Option<Record>,
-    skips: Skips,
+    pub(super) skips: Skips,
     pub(super) stream: Stream,
 }
 
@@ -120,11 +119,6 @@ impl NavigationDecoder {
             return Err(RinexError::HeaderIncomplete { lines: self.header.lines });
         }
         Ok(self.record_done())
-    }
-
-    /// A line's text; one that was too long is counted.
-    pub(super) fn kept<'a>(&mut self, line: Line<'a>) -> &'a [u8] {
-        line.kept(&mut self.skips)
     }
 
     fn continues(&self, line: &[u8]) -> bool {

@@ -9,7 +9,6 @@ use super::pending::{PendingEpoch, PendingEvent, is_comment};
 use super::stream::Stream;
 use super::{RinexError, label};
 use crate::formats::decode::Record;
-use crate::formats::lines::Line;
 use crate::formats::text::{is_blank, lines, shorten, trim_end, without_mark};
 use crate::formats::time_order::TimeOrder;
 use crate::skips::{Reason, Skips};
@@ -40,7 +39,7 @@ pub struct ObservationDecoder {
     layouts: Layouts,
     state: State,
     order: TimeOrder,
-    skips: Skips,
+    pub(super) skips: Skips,
     /// Observations in the epoch before: how much room the next one will need.
     usual_size: usize,
     /// Compact RINEX is turned into RINEX first; of the lines of one, `restored` holds those of the other.
@@ -216,11 +215,6 @@ impl ObservationDecoder {
     /// What has been skipped so far.
     pub const fn skips(&self) -> &Skips {
         &self.skips
-    }
-
-    /// A line's text; one that was too long is counted.
-    pub(super) fn kept<'a>(&mut self, line: Line<'a>) -> &'a [u8] {
-        line.kept(&mut self.skips)
     }
 }
 

@@ -5,35 +5,28 @@ use std::collections::VecDeque;
 use super::navigation_decoder::Found;
 use super::{NavigationDecoder, ObservationDecoder, RinexError};
 use crate::formats::decode::{Decoder, Record, WrongStream};
-use crate::formats::lines::{Line, LineAssembly};
-use crate::skips::Skips;
+use crate::formats::lines::{self, LineAssembly, each_line};
+use crate::skips::{Reason, Skips};
 
-/// What a decoder needs to be one of a stream.
+/// Longest line that is read, bytes. Lines of observation files with dozens of types stay below 2000.
+const MAX_LINE_BYTES: usize = 16_384;
+
+type Line<'a> = lines::Line<'a, MAX_LINE_BYTES>;
+
+/// What a decoder of lines needs to be one of a stream.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stream {
-    assembly: LineAssembly,
+    assembly: LineAssembly<MAX_LINE_BYTES>,
     ready: VecDeque<Record>,
     /// The error that ended it; nothing more is decoded then.
     wrong: Option<WrongStream>,
 }
 
-impl Stream {
-    fn end(&mut self, result: Result<(), RinexError>) -> Result<(), WrongStream> {
-        result.map_err(|error| {
-            let wrong = WrongStream { reason: error.to_string() };
-            self.wrong = Some(wrong.clone());
-            wrong
-        })
-    }
-
-    fn check(&self) -> Result<(), WrongStream> {
-        self.wrong.clone().map_or(Ok(()), Err)
-    }
-}
-
-/// A decoder that takes lines: what [`feed`] and [`finish`] need to make a stream of it.
-trait LineDecoder {
+/// A decoder that takes lines.
+pub(super) trait LineDecoder {
     fn stream(&mut self) -> &mut Stream;
+
+    fn skips(&self) -> &Skips;
 
     /// Takes a line and adds the records that it completes.
     fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<Record>) -> Result<(), RinexError>;
@@ -42,17 +35,27 @@ trait LineDecoder {
     fn end_of_lines(&mut self, ready: &mut VecDeque<Record>) -> Result<(), RinexError>;
 }
 
-fn feed(decoder: &mut impl LineDecoder, bytes: &[u8]) -> Result<(), WrongStream> {
-    work(decoder, |decoder, Stream { assembly, ready, .. }| {
-        assembly.feed(bytes, |line| decoder.take_line(line, ready))
-    })
-}
+impl<D: LineDecoder> Decoder for D {
+    fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
+        work(self, |decoder, Stream { assembly, ready, .. }| {
+            assembly.feed(bytes, |line| decoder.take_line(line, ready))
+        })
+    }
 
-fn finish(decoder: &mut impl LineDecoder) -> Result<(), WrongStream> {
-    work(decoder, |decoder, Stream { assembly, ready, .. }| {
-        assembly.finish(|line| decoder.take_line(line, ready))?;
-        decoder.end_of_lines(ready)
-    })
+    fn finish(&mut self) -> Result<(), WrongStream> {
+        work(self, |decoder, Stream { assembly, ready, .. }| {
+            assembly.finish(|line| decoder.take_line(line, ready))?;
+            decoder.end_of_lines(ready)
+        })
+    }
+
+    fn next_record(&mut self) -> Option<Record> {
+        self.stream().ready.pop_front()
+    }
+
+    fn skips(&self) -> &Skips {
+        LineDecoder::skips(self)
+    }
 }
 
 /// Lends the stream out of the decoder while both are at work.
@@ -60,24 +63,34 @@ fn work<D: LineDecoder>(
     decoder: &mut D,
     run: impl FnOnce(&mut D, &mut Stream) -> Result<(), RinexError>,
 ) -> Result<(), WrongStream> {
-    decoder.stream().check()?;
+    if let Some(wrong) = &decoder.stream().wrong {
+        return Err(wrong.clone());
+    }
     let mut stream = std::mem::take(decoder.stream());
-    let result = run(decoder, &mut stream);
+    let result = run(decoder, &mut stream).map_err(|error| WrongStream { reason: error.to_string() });
+    stream.wrong = result.clone().err();
     *decoder.stream() = stream;
-    decoder.stream().end(result)
+    result
+}
+
+/// The text of a line; one that is too long is counted, and an empty one in its place.
+fn kept<'a>(line: Line<'a>, skips: &mut Skips) -> &'a [u8] {
+    line.text.unwrap_or_else(|| {
+        skips.add(Reason::LineTooLong, || {
+            format!("line {}: more than {MAX_LINE_BYTES} bytes; left out", line.number)
+        });
+        b""
+    })
 }
 
 impl ObservationDecoder {
     /// Decodes a whole file.
     pub(super) fn whole(&mut self, bytes: &[u8], take: &mut dyn FnMut(Record)) -> Result<(), RinexError> {
-        let mut assembly = LineAssembly::default();
-        let mut line = |line: Line<'_>| self.take(line, take);
-        assembly.feed(bytes, &mut line)?;
-        assembly.finish(&mut line)
+        each_line(bytes, |line| self.take(line, take))
     }
 
     fn take(&mut self, line: Line<'_>, take: &mut dyn FnMut(Record)) -> Result<(), RinexError> {
-        let text = self.kept(line);
+        let text = kept(line, &mut self.skips);
         self.line(line.number, text, take)
     }
 }
@@ -87,30 +100,16 @@ impl LineDecoder for ObservationDecoder {
         &mut self.stream
     }
 
+    fn skips(&self) -> &Skips {
+        Self::skips(self)
+    }
+
     fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
         self.take(line, &mut |record| ready.push_back(record))
     }
 
     fn end_of_lines(&mut self, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
         Self::finish(self, &mut |record| ready.push_back(record))
-    }
-}
-
-impl Decoder for ObservationDecoder {
-    fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
-        feed(self, bytes)
-    }
-
-    fn finish(&mut self) -> Result<(), WrongStream> {
-        finish(self)
-    }
-
-    fn next_record(&mut self) -> Option<Record> {
-        self.stream.ready.pop_front()
-    }
-
-    fn skips(&self) -> &Skips {
-        Self::skips(self)
     }
 }
 
@@ -126,15 +125,12 @@ impl From<Found> for Record {
 impl NavigationDecoder {
     /// Decodes a whole file.
     pub(super) fn whole(&mut self, bytes: &[u8], mut take: impl FnMut(Found)) -> Result<(), RinexError> {
-        let mut assembly = LineAssembly::default();
-        let mut line = |line: Line<'_>| self.take(line).map(|found| found.map_or((), &mut take));
-        assembly.feed(bytes, &mut line)?;
-        assembly.finish(&mut line)?;
+        each_line(bytes, |line| self.take(line).map(|found| found.map_or((), &mut take)))?;
         self.end().map(|found| found.map_or((), take))
     }
 
     fn take(&mut self, line: Line<'_>) -> Result<Option<Found>, RinexError> {
-        let text = self.kept(line);
+        let text = kept(line, &mut self.skips);
         self.line(line.number, text)
     }
 }
@@ -144,29 +140,15 @@ impl LineDecoder for NavigationDecoder {
         &mut self.stream
     }
 
+    fn skips(&self) -> &Skips {
+        Self::skips(self)
+    }
+
     fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
         self.take(line).map(|found| ready.extend(found.map(Record::from)))
     }
 
     fn end_of_lines(&mut self, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
         self.end().map(|found| ready.extend(found.map(Record::from)))
-    }
-}
-
-impl Decoder for NavigationDecoder {
-    fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
-        feed(self, bytes)
-    }
-
-    fn finish(&mut self) -> Result<(), WrongStream> {
-        finish(self)
-    }
-
-    fn next_record(&mut self) -> Option<Record> {
-        self.stream.ready.pop_front()
-    }
-
-    fn skips(&self) -> &Skips {
-        Self::skips(self)
     }
 }

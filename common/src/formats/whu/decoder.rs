@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, VecDeque};
 pub use super::epoch::StatedSigmas;
 use super::epoch::{self, Epoch};
 use crate::formats::decode::{Decoder, Record, WrongStream};
-use crate::formats::gnsslogger::lines::{Framed, Lines, MAX_LINE};
+use crate::formats::lines::{Line, LineAssembly};
 use crate::formats::lost_locks::LostLocks;
-use crate::formats::text::shorten;
+use crate::formats::text::{is_blank, shorten};
 use crate::formats::time_order::TimeOrder;
 use crate::gnss::{EpochFlag, ObservationEpoch};
 use crate::skips::{Reason, Skips};
@@ -30,7 +30,7 @@ pub fn is_spare_log_line(line: &[u8]) -> bool {
 /// Decodes a spare log.
 #[derive(Clone, Debug, Default)]
 pub struct SpareLogDecoder {
-    lines: Lines,
+    lines: LineAssembly,
     log: Log,
     records: VecDeque<Record>,
     last: Vec<StatedSigmas>,
@@ -58,8 +58,15 @@ impl SpareLogDecoder {
 }
 
 impl Log {
+    fn take(&mut self, line: Line<'_>, records: &mut VecDeque<Record>) -> Result<(), WrongStream> {
+        self.number = line.number;
+        if let Some(text) = line.counted(&mut self.skips) {
+            self.line(text, records);
+        }
+        self.check_kind(false)
+    }
+
     fn line(&mut self, line: &[u8], records: &mut VecDeque<Record>) {
-        self.number += 1;
         let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line).trim_ascii();
         if line.is_empty() {
             return;
@@ -116,43 +123,32 @@ impl Log {
             ),
         })
     }
-
-    fn too_long(&mut self) {
-        self.number += 1;
-        let number = self.number;
-        self.skips.add(Reason::LineTooLong, || format!("line {number}: more than {MAX_LINE} bytes"));
-    }
 }
 
 impl Decoder for SpareLogDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
         let Self { lines, log, records, .. } = self;
-        let mut rest = bytes;
-        while let Some(framed) = lines.next(&mut rest) {
-            log.check_kind(false)?;
-            match framed {
-                Framed::Line(line) => log.line(line, records),
-                Framed::TooLong => log.too_long(),
-            }
-        }
-        log.check_kind(false)
+        log.check_kind(false)?;
+        lines.feed(bytes, |line| log.take(line, records))
     }
 
     /// A last line without a line end is complete when it closes its brackets.
     fn finish(&mut self) -> Result<(), WrongStream> {
         let Self { lines, log, records, .. } = self;
-        if let Some(rest) = lines.finish() {
-            if serde_json::from_slice::<serde::de::IgnoredAny>(&rest).is_ok() {
-                log.line(&rest, records);
-            } else if rest.is_empty() || rest.iter().any(|byte| !byte.is_ascii_whitespace()) {
-                log.is_recognised |= is_spare_log_line(&rest);
-                let (number, length) = (log.number + 1, rest.len());
-                log.first.get_or_insert_with(|| shorten(&rest));
+        lines.finish(|Line { number, text }| {
+            let rest = text.unwrap_or_default();
+            if serde_json::from_slice::<serde::de::IgnoredAny>(rest).is_ok() {
+                log.number = number;
+                log.line(rest, records);
+            } else if rest.is_empty() || !is_blank(rest) {
+                log.is_recognised |= is_spare_log_line(rest);
+                log.first.get_or_insert_with(|| shorten(rest));
                 log.skips.add(Reason::LastLineCutOff, || {
-                    format!("line {number}: {length} bytes without a line end")
+                    format!("line {number}: {} bytes without a line end", rest.len())
                 });
             }
-        }
+            Ok(())
+        })?;
         log.check_kind(true)?;
         log.order.finish(None, &mut log.skips, &mut |record| records.push_back(record));
         Ok(())
