@@ -8,7 +8,7 @@ use super::measure::{Measured, Refusal, add_carrier, measure};
 use super::names::named;
 use super::options::Options;
 use super::raw::{ClockFields, RawLine};
-use super::signal::{Signal, channel_only};
+use crate::formats::android::{Signal, channel_only};
 use crate::formats::decode::Record;
 use crate::formats::lost_locks::{LostLocks, SignalKey};
 use crate::formats::time_order::{LONG_STEP_S, TimeOrder};
@@ -91,7 +91,7 @@ impl Epochs {
         let refusals = if is_counted { &mut counted_already } else { &mut *skips };
         match self.measured((number, line), (satellite, signal), options, refusals) {
             Some(timed) => self.place(timed, skips, records),
-            None => self.lost(line.is_lock_lost().then_some((satellite, signal.code))),
+            None => self.lost(line.range_state.is_lock_lost().then_some((satellite, signal.code))),
         }
     }
 
