@@ -4,6 +4,7 @@
 //! what uses them: observations to [`crate::gnss`], ephemerides and precise products to [`crate::orbit`], maps of the ionosphere
 //! to [`crate::atmosphere`].
 
+mod android;
 pub mod bias_sinex;
 mod bits;
 mod decimal;

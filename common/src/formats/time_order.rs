@@ -4,6 +4,8 @@
 //! comes: if that goes on from there, both are given; if it goes on from before, the held one was wrong. So a damaged date costs
 //! its own epoch and no other, and a gap costs nothing.
 
+use std::cmp::Ordering;
+
 use crate::formats::decode::Record;
 use crate::gnss::ObservationEpoch;
 use crate::skips::{Reason, Skips};
@@ -14,6 +16,34 @@ pub(crate) const LONG_STEP_S: f64 = 60.0;
 /// At the end of the recording, where no epoch follows, a longer one is not believed, s. So far is a beginning from what a header says
 /// believed at once.
 pub(crate) const DAY_S: f64 = 86_400.0;
+
+/// Whether a time is that of another one or of what follows it without a long step.
+pub(crate) fn follows(before: GpsTime, time: GpsTime) -> bool {
+    (0.0..=LONG_STEP_S).contains(&(time - before))
+}
+
+/// What a time says about one far ahead, which waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// The recording goes on from before it, or from another time that is earlier: it is wrong.
+    Wrong,
+    /// It is the same time.
+    Same,
+    /// The recording goes on after it.
+    Confirmed,
+}
+
+impl Verdict {
+    /// About the time that waits, by a time that is not late; `goes_on` says whether that goes on from before.
+    pub(crate) fn on(waiting: GpsTime, time: GpsTime, goes_on: bool) -> Self {
+        match time.cmp(&waiting) {
+            _ if goes_on => Self::Wrong,
+            Ordering::Less => Self::Wrong,
+            Ordering::Equal => Self::Same,
+            Ordering::Greater => Self::Confirmed,
+        }
+    }
+}
 
 /// Keeps the epochs in order of time.
 #[derive(Clone, Debug)]
@@ -62,7 +92,7 @@ impl TimeOrder {
     /// Whether a time goes on from the last one without a long step; before the first epoch, whether it is near the `stated` one.
     pub(crate) fn goes_on(&self, time: GpsTime, stated: Option<GpsTime>) -> bool {
         match (self.last, stated) {
-            (Some(last), _) => (0.0..=LONG_STEP_S).contains(&(time - last)),
+            (Some(last), _) => follows(last, time),
             (None, Some(stated)) => (time - stated).abs() <= DAY_S,
             (None, None) => true,
         }
@@ -80,7 +110,7 @@ impl TimeOrder {
         let time = epoch.time_gps;
         let goes_on = self.goes_on(time, stated);
         if let Some(held) = self.held.take() {
-            if goes_on || time < held.time {
+            if Verdict::on(held.time, time, goes_on) == Verdict::Wrong {
                 self.drop(held, time, skips, out);
             } else {
                 self.last = Some(held.time);

@@ -8,10 +8,10 @@ use super::measure::{Measured, Refusal, add_carrier, measure};
 use super::names::named;
 use super::options::Options;
 use super::raw::{ClockFields, RawLine};
-use super::signal::{Signal, channel_only};
+use crate::formats::android::{Signal, channel_only};
 use crate::formats::decode::Record;
 use crate::formats::lost_locks::{LostLocks, SignalKey};
-use crate::formats::time_order::{LONG_STEP_S, TimeOrder};
+use crate::formats::time_order::{TimeOrder, follows};
 use crate::gnss::{EpochFlag, Observation, ObservationEpoch, SatelliteId};
 use crate::measurement::RecordedEpoch;
 use crate::skips::{Reason, Skips};
@@ -91,7 +91,7 @@ impl Epochs {
         let refusals = if is_counted { &mut counted_already } else { &mut *skips };
         match self.measured((number, line), (satellite, signal), options, refusals) {
             Some(timed) => self.place(timed, skips, records),
-            None => self.lost(line.is_lock_lost().then_some((satellite, signal.code))),
+            None => self.lost(line.range_state.is_lock_lost().then_some((satellite, signal.code))),
         }
     }
 
@@ -197,9 +197,7 @@ impl Epochs {
                 self.lost(line.lost_signal());
                 return skips.add(reason, || format!("{} after {before}", line.describe()));
             }
-            let confirms =
-                self.suspect.as_ref().is_some_and(|s| (0.0..=LONG_STEP_S).contains(&(time - s.time())));
-            if confirms {
+            if self.suspect.as_ref().is_some_and(|suspect| follows(suspect.time(), time)) {
                 self.place_suspect(skips, records);
             } else if !self.goes_on(time) {
                 self.drop_suspect(skips);
@@ -282,8 +280,7 @@ impl Epochs {
 
     /// Whether a time is soon after the open epoch or the last one before it.
     fn goes_on(&self, time: GpsTime) -> bool {
-        let from_open = self.time().is_some_and(|open| (0.0..=LONG_STEP_S).contains(&(time - open)));
-        from_open || self.order.goes_on(time, None)
+        self.time().is_some_and(|open| follows(open, time)) || self.order.goes_on(time, None)
     }
 
     /// Gives the open epoch, unless it has to wait for the next one. It stays as the reference for what follows, without its

@@ -1,7 +1,7 @@
 //! Numbers of a line.
 
-use crate::formats::decimal;
 use crate::formats::text::shorten;
+use crate::formats::{android, decimal};
 use crate::skips::{Reason, Skips};
 
 /// The fields of a line, read as numbers; what cannot be read is counted.
@@ -67,10 +67,9 @@ pub(super) fn integer(field: &[u8]) -> Option<i64> {
     crate::formats::integer::of_bytes(field)
 }
 
-/// Bits, as Android prints them: a signed 32-bit number.
+/// A word of bits.
 pub(super) fn bits(field: &[u8]) -> Option<u32> {
-    let value = integer(field)?;
-    u32::try_from(value).ok().or_else(|| i32::try_from(value).ok().map(i32::cast_unsigned))
+    integer(field).and_then(android::bits)
 }
 
 /// Yes or no, as 1 or 0.

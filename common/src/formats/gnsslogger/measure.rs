@@ -3,19 +3,10 @@
 use super::options::{KnownTime, Masks, Options};
 use super::pseudorange::{ReceiveTime, TransmitScale};
 use super::raw::RawLine;
-use super::signal::{Signal, channel_only};
+use crate::formats::android::{Signal, channel_only};
 use crate::gnss::{CN0_BOUNDS_DBHZ, LossOfLock, MAX_DOPPLER_HZ, MAX_PHASE_CYCLES, Observation, SatelliteId};
 use crate::measurement::GivenCorrections;
 use crate::skips::Reason;
-
-/// Bits of `AccumulatedDeltaRangeState` (Android API).
-pub(super) mod range_state {
-    pub(super) const VALID: u32 = 1;
-    /// The lock was lost since the last measurement of the signal: reset or cycle slip.
-    pub(in super::super) const LOST: u32 = 1 << 1 | 1 << 2;
-    pub(super) const HALF_CYCLE_RESOLVED: u32 = 1 << 3;
-    pub(super) const HALF_CYCLE_REPORTED: u32 = 1 << 4;
-}
 
 /// Why a line gives no observation, or not all of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,8 +64,8 @@ pub(super) fn measure(
             loss_of_lock: LossOfLock::default(),
         },
         glonass_channel: signal.glonass_channel,
-        channel_only: channel_only(line.constellation_type, line.svid),
-        is_lost: line.is_lock_lost(),
+        channel_only: channel_only(line.constellation_type, line.svid).map(|(_, channel)| channel),
+        is_lost: line.range_state.is_lock_lost(),
         given: line.given,
     })
 }
@@ -83,8 +74,7 @@ pub(super) fn measure(
 /// wavelength of the signal, and says what of them is refused. Whether the lock was lost is for the epochs to say.
 pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Options) -> Result<(), Refusal> {
     let observation = &mut measured.observation;
-    let valid = line.range_state & range_state::VALID != 0;
-    let phase_m = line.range_m.filter(|_| valid || options.keep_invalid_phase);
+    let phase_m = line.range_m.filter(|_| line.range_state.is_valid() || options.keep_invalid_phase);
     if line.rate_mps.is_none() && phase_m.is_none() {
         return Ok(());
     }
@@ -92,16 +82,12 @@ pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Opt
     let Some(wavelength_m) = observation.signal.wavelength_m(constellation, measured.glonass_channel) else {
         return refuse(Reason::DopplerWithoutCarrierFrequency, "CarrierFrequencyHz", f64::NAN);
     };
-    let set = |bit: u32| line.range_state & bit != 0;
     let phase_cycles = phase_m.map(|range| range / wavelength_m);
     if let Some(cycles) = phase_cycles.filter(|cycles| cycles.abs() > MAX_PHASE_CYCLES) {
         return refuse(Reason::AccumulatedDeltaRangeOutOfRange, "cycles", cycles);
     }
     observation.carrier_phase_cycles = phase_cycles;
-    if observation.carrier_phase_cycles.is_some() {
-        observation.loss_of_lock.half_cycle =
-            set(range_state::HALF_CYCLE_REPORTED) && !set(range_state::HALF_CYCLE_RESOLVED);
-    }
+    observation.loss_of_lock.half_cycle = phase_cycles.is_some() && line.range_state.has_half_cycle();
     let uncertainty = line.rate_uncertainty_mps.unwrap_or(0.0);
     if uncertainty > options.masks.max_rate_uncertainty_mps {
         return refuse(Reason::MaskPseudorangeRateUncertainty, "m/s", uncertainty);

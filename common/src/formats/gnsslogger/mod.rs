@@ -23,16 +23,15 @@ mod options;
 mod pseudorange;
 mod raw;
 mod recognition;
-mod signal;
 mod stated;
 mod status;
 mod table;
 mod told;
 
+pub use super::android::state;
 pub use decoder::GnssLoggerDecoder;
 pub use device::Device;
 pub use fix::{Fix, FixProvider};
-pub use options::{BiasReference, KnownTime, Masks, ModularTime, Options, StateRule, StateRules, state};
-pub(crate) use signal::{channel_only, satellite as android_satellite};
+pub use options::{BiasReference, KnownTime, Masks, ModularTime, Options, StateRule, StateRules};
 pub use status::SignalStatus;
 pub(crate) use told::is_log_line;

@@ -1,20 +1,20 @@
 //! Whose signal a line is about.
 
 use super::raw::RawLine;
-use super::signal::{Signal, channel_only, satellite, signal};
-use crate::gnss::{Constellation, SatelliteId};
+use crate::formats::android::{Signal, channel_only, satellite, signal};
+use crate::gnss::SatelliteId;
 use crate::skips::{Reason, Skips};
 
 /// Satellite and signal of a line; `None` (counted) if it has none that is known. A GLONASS satellite of which the phone knows the
 /// channel only goes by its number there.
 pub(super) fn named((number, line): (u64, &RawLine), skips: &mut Skips) -> Option<(SatelliteId, Signal)> {
     let (system, svid) = (line.constellation_type, line.svid);
-    let channel = channel_only(system, svid);
+    let by_channel = channel_only(system, svid);
     let satellite = satellite(system, svid).map_err(|reason| {
         skips.add(reason, || format!("line {number}: ConstellationType {system}, Svid {svid}"));
     });
-    let by_channel = || Some(SatelliteId::new(Constellation::Glonass, u8::try_from(svid).ok()?));
-    let satellite = satellite.ok().or_else(|| channel.and_then(|_| by_channel()))?;
+    let channel = by_channel.map(|(_, channel)| channel);
+    let satellite = satellite.ok().or_else(|| by_channel.map(|(satellite, _)| satellite))?;
     let Some(signal) = signal(satellite, line.frequency_hz, line.code_type) else {
         // A line without a slot is counted already.
         if channel.is_none() {

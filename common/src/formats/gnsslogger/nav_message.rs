@@ -1,7 +1,7 @@
 //! `Nav` lines to pieces of navigation messages.
 
 use super::fields::integer;
-use super::signal::satellite;
+use crate::formats::android::{channel_only, satellite};
 use crate::formats::navbits::{GlonassLabel, GlonassName, ReceiverCheck};
 use crate::formats::text::shorten;
 use crate::gnss::SatelliteId;
@@ -98,12 +98,11 @@ fn beidou(satellite: SatelliteId, is_d2: bool) -> Result<SatelliteId, Reason> {
     fits.then_some(satellite).ok_or(Reason::NavLineOfWrongBeidouMessage)
 }
 
-/// GLONASS satellites have their slot as Svid, or while it is unknown their frequency channel plus 100. The frame is the
-/// message of the API, and the string in it the sub-message.
+/// The frame is the message of the API, and the string in it the sub-message.
 fn glonass(head: &Head, receiver: ReceiverCheck) -> Result<GlonassLabel, Reason> {
-    let name = match i8::try_from(head.svid - 100) {
-        Ok(channel @ -7..=6) => GlonassName::Channel(channel),
-        _ => GlonassName::Slot(satellite(3, head.svid)?.number),
+    let name = match channel_only(3, head.svid) {
+        Some((_, channel)) => GlonassName::Channel(channel),
+        None => GlonassName::Slot(satellite(3, head.svid)?.number),
     };
     let string = u8::try_from(head.sub_message).ok().filter(|string| (1..=15).contains(string));
     Ok(GlonassLabel { name, frame: head.message, string, receiver })

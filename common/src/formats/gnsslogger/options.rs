@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::formats::android::state;
 use crate::gnss::Constellation;
 
 /// Which `FullBiasNanos` and `BiasNanos` turn the phone's clock into GPS time.
@@ -79,36 +80,6 @@ impl Masks {
             ..Self::default()
         }
     }
-}
-
-/// Bits of `GnssMeasurement.State` (Android API).
-pub mod state {
-    /// Code lock.
-    pub const CODE_LOCK: u32 = 1;
-    /// Lock on the subframes, of 6 s, of GPS, QZSS, BeiDou D1 and NavIC (whose own last 12 s).
-    pub const SUBFRAME_SYNC: u32 = 1 << 2;
-    /// Time of week decoded from the signal.
-    pub const TOW_DECODED: u32 = 1 << 3;
-    /// The time is known only modulo some milliseconds.
-    pub const MSEC_AMBIGUOUS: u32 = 1 << 4;
-    /// Lock on GLONASS' strings, of 2 s.
-    pub const GLO_STRING_SYNC: u32 = 1 << 6;
-    /// GLONASS time of day decoded from the signal.
-    pub const GLO_TOD_DECODED: u32 = 1 << 7;
-    /// Lock on the subframes, of 0.6 s, of BeiDou D2.
-    pub const BDS_D2_SUBFRAME_SYNC: u32 = 1 << 9;
-    /// Lock on Galileo's E1B or E1C code.
-    pub const GAL_E1BC_CODE_LOCK: u32 = 1 << 10;
-    /// Lock on Galileo E1C's secondary code, which lasts 100 ms.
-    pub const GAL_E1C_2ND_CODE_LOCK: u32 = 1 << 11;
-    /// Lock on Galileo E1B's pages, of 2 s.
-    pub const GAL_E1B_PAGE_SYNC: u32 = 1 << 12;
-    /// Lock on the messages of augmentation satellites, of 1 s.
-    pub const SBAS_SYNC: u32 = 1 << 13;
-    /// Time of week known by other means than this signal.
-    pub const TOW_KNOWN: u32 = 1 << 14;
-    /// GLONASS time of day known by other means than this signal.
-    pub const GLO_TOD_KNOWN: u32 = 1 << 15;
 }
 
 /// A state that gives the time of transmission modulo a period, which the phone's own time resolves.

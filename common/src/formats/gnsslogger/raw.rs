@@ -2,9 +2,8 @@
 
 use super::columns::{RAW_COLUMNS, Raw};
 use super::fields::{Fields, bits, integer, real};
-use super::measure::range_state;
-use super::signal::{satellite, signal};
 use super::stated;
+use crate::formats::android::{MULTIPATH_DETECTED, RangeState, code_type, satellite, signal};
 use crate::formats::lost_locks::SignalKey;
 use crate::measurement::GivenCorrections;
 
@@ -21,7 +20,7 @@ pub(super) struct RawLine {
     pub(super) cn0_dbhz: Option<f64>,
     pub(super) rate_mps: Option<f64>,
     pub(super) rate_uncertainty_mps: Option<f64>,
-    pub(super) range_state: u32,
+    pub(super) range_state: RangeState,
     pub(super) range_m: Option<f64>,
     pub(super) frequency_hz: Option<f64>,
     pub(super) multipath: bool,
@@ -45,29 +44,17 @@ impl RawLine {
     pub(super) const fn is_gps(&self) -> bool {
         self.constellation_type == 1
     }
-
-    /// Whether the phone says that the signal's lock was lost.
-    pub(super) const fn is_lock_lost(&self) -> bool {
-        self.range_state & range_state::LOST != 0
-    }
 }
 
 /// The signal of a line that says that its lock was lost, whatever else of the line cannot be read.
 pub(super) fn lost_signal(fields: &[&[u8]; RAW_COLUMNS]) -> Option<SignalKey> {
     let at = |column: Raw| fields.get(column as usize).copied().unwrap_or_default();
-    if bits(at(Raw::AccumulatedDeltaRangeState))? & range_state::LOST == 0 {
+    if !RangeState(bits(at(Raw::AccumulatedDeltaRangeState))?).is_lock_lost() {
         return None;
     }
     let satellite = satellite(integer(at(Raw::ConstellationType))?, integer(at(Raw::Svid))?).ok()?;
     let signal = signal(satellite, real(at(Raw::CarrierFrequencyHz)), code_type(at(Raw::CodeType)))?;
     Some((satellite, signal.code))
-}
-
-const fn code_type(field: &[u8]) -> Option<u8> {
-    match field {
-        [letter @ b'A'..=b'Z'] => Some(*letter),
-        _ => None,
-    }
 }
 
 /// Reads the fields of a line; `None` (counted) when a needed one is missing or is no number.
@@ -94,10 +81,10 @@ pub(super) fn parse(fields: &[&[u8]; RAW_COLUMNS], read: &mut Fields<'_>) -> Opt
         ),
         range_state: read
             .optional("AccumulatedDeltaRangeState", at(Raw::AccumulatedDeltaRangeState), bits)
-            .unwrap_or(0),
+            .map_or_else(RangeState::default, RangeState),
         range_m: read.optional("AccumulatedDeltaRangeMeters", at(Raw::AccumulatedDeltaRange), real),
         frequency_hz: read.optional("CarrierFrequencyHz", at(Raw::CarrierFrequencyHz), real),
-        multipath: integer(at(Raw::MultipathIndicator)) == Some(1),
+        multipath: integer(at(Raw::MultipathIndicator)) == Some(MULTIPATH_DETECTED),
         code_type: code_type(at(Raw::CodeType)),
         given: stated::corrections(fields, read),
     })

@@ -6,7 +6,7 @@
 
 use super::columns::{STATUS_COLUMNS, Status as Column};
 use super::fields::{Fields, flag, integer, real};
-use super::signal::{satellite, signal};
+use crate::formats::android::{satellite, signal};
 use crate::frames::Direction;
 use crate::gnss::{CN0_BOUNDS_DBHZ, SatelliteId, SignalCode};
 use crate::skips::Reason;

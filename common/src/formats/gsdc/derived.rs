@@ -10,7 +10,7 @@ use crate::formats::decode::{Decoder, Record, WrongStream};
 use crate::formats::gnsslogger::Masks;
 use crate::formats::lines::LineAssembly;
 use crate::formats::text::{is_blank, without_mark};
-use crate::formats::time_order::{DAY_S, LONG_STEP_S};
+use crate::formats::time_order::{DAY_S, LONG_STEP_S, Verdict};
 use crate::gnss::Observation;
 use crate::measurement::{ChannelObservation, RecordedEpoch, RecordedObservation};
 use crate::skips::{Reason, Skips};
@@ -225,27 +225,25 @@ impl Table {
         if self.closed.is_some_and(|closed| time - closed < SAME_ARRIVAL_S) {
             return false;
         }
-        let is_far = self.latest.is_some_and(|latest| time - latest > LONG_STEP_S);
-        if is_far && self.suspect.is_none_or(|suspect| suspect >= time) {
-            self.drop_suspect(|suspect| suspect > time, skips);
-            self.suspect = Some(time);
+        if self.latest >= Some(time) {
             return true;
         }
-        if is_far {
-            self.latest = self.suspect.take();
-            return self.is_in_time(time, skips);
+        let goes_on = self.latest.is_none_or(|latest| time - latest <= LONG_STEP_S);
+        match self.suspect.map(|suspect| Verdict::on(suspect, time, goes_on)) {
+            Some(Verdict::Confirmed) => {
+                self.latest = self.suspect.take();
+                return self.is_in_time(time, skips);
+            }
+            Some(Verdict::Wrong) => self.drop_suspect(skips),
+            Some(Verdict::Same) | None => {}
         }
-        // A row that is late says nothing about it.
-        if self.latest < Some(time) {
-            self.drop_suspect(|_| true, skips);
-            self.latest = Some(time);
-        }
+        *(if goes_on { &mut self.latest } else { &mut self.suspect }) = Some(time);
         true
     }
 
-    /// Leaves out the epoch that waits, if this is so of its time.
-    fn drop_suspect(&mut self, wrong: impl Fn(GpsTime) -> bool, skips: &mut Skips) {
-        if let Some(suspect) = self.suspect.take_if(|suspect| wrong(*suspect))
+    /// Leaves out the epoch that waits.
+    fn drop_suspect(&mut self, skips: &mut Skips) {
+        if let Some(suspect) = self.suspect.take()
             && let Some(Open { epoch, .. }) = self.open.remove(&suspect)
         {
             for RecordedObservation { observation, .. } in &epoch.observations {
@@ -306,8 +304,9 @@ impl Decoder for DerivedDecoder {
             Ok(())
         })?;
         self.state.drop_irregular(&mut self.skips);
-        if let Some(latest) = self.state.latest {
-            self.state.drop_suspect(|suspect| suspect - latest > DAY_S, &mut self.skips);
+        if self.state.suspect.zip(self.state.latest).is_some_and(|(suspect, latest)| suspect - latest > DAY_S)
+        {
+            self.state.drop_suspect(&mut self.skips);
         }
         self.state.complete(true, &mut self.ready);
         Ok(())

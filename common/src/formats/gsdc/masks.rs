@@ -4,6 +4,7 @@
 use super::columns::Optional;
 use super::row::{Fault, Fields};
 use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::formats::android::MULTIPATH_DETECTED;
 use crate::formats::gnsslogger::Masks;
 use crate::gnss::Constellation;
 use crate::skips::Reason;
@@ -14,7 +15,7 @@ pub(super) fn check(fields: &Fields<'_>, constellation: Constellation, masks: &M
     if let Some(state) = state.filter(|state| !masks.states.of(constellation).passes(*state)) {
         return refuse(Reason::MaskStateBits, "State", f64::from(state));
     }
-    if masks.reject_multipath && fields.bits(Optional::Multipath) == Some(1) {
+    if masks.reject_multipath && fields.bits(Optional::Multipath).map(i64::from) == Some(MULTIPATH_DETECTED) {
         return refuse(Reason::MaskMultipath, "MultipathIndicator", 1.0);
     }
     above(

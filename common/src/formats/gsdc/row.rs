@@ -6,6 +6,7 @@ use super::columns::{Columns, Optional, Required};
 use super::times::{Shift, Times, times};
 use super::{masks, signal};
 use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::formats::android::{self, RangeState};
 use crate::formats::gnsslogger::Masks;
 use crate::formats::integer::integer;
 use crate::formats::lost_locks::SignalKey;
@@ -28,8 +29,6 @@ const MAX_DELAY_M: f64 = 500.0;
 const ORBIT_SIGMA_M: f64 = 0.5;
 /// Largest standard deviation of a pseudorange that a phone states, m, and the smallest that is believed.
 const CODE_SIGMA_BOUNDS_M: (f64, f64) = (0.1, 1e5);
-/// Bits of Android's `ADR_STATE_*` by which a phone says that the lock was lost: reset and cycle slip.
-const LOCK_LOST: u32 = 2 | 4;
 /// Highest time that a 64-bit count of nanoseconds since 1980 leaves room to calculate with.
 pub(super) const MAX_NANOS: i64 = i64::MAX / 2;
 
@@ -109,7 +108,7 @@ impl Fields<'_> {
 
     /// A word of bits where there is one.
     pub(super) fn bits(&self, column: Optional) -> Option<u32> {
-        integer(self.columns.optional(self.fields, column)).and_then(|bits| u32::try_from(bits).ok())
+        integer(self.columns.optional(self.fields, column)).and_then(android::bits)
     }
 }
 
@@ -120,7 +119,7 @@ fn shorten(text: &str) -> String {
 /// Reads a row.
 pub(super) fn read(columns: &Columns, masks: &Masks, fields: &[&str]) -> Result<Row, Fault> {
     let fields = Fields { columns, fields };
-    let (satellite, signal) = names(&fields)?;
+    let Names { satellite, channel_only, signal } = names(&fields)?;
     masks::check(&fields, satellite.constellation, masks)?;
     let pseudorange_m = fields.number(Required::Pseudorange, PSEUDORANGE_BOUNDS_M)?;
     let Times { time_gps, received_gps, shift } = times(&fields, pseudorange_m)?;
@@ -134,7 +133,6 @@ pub(super) fn read(columns: &Columns, masks: &Masks, fields: &[&str]) -> Result<
         frequency_hz,
         given,
     };
-    let channel_only = satellite_of(&fields).and_then(|(_, channel)| channel);
     Ok(Row { time_gps, received_gps, shift, recorded, channel_only, lack })
 }
 
@@ -142,38 +140,35 @@ pub(super) fn read(columns: &Columns, masks: &Masks, fields: &[&str]) -> Result<
 /// used. Of tables of 2021, which say nothing of locks, there is none.
 pub(super) fn lost_signal(columns: &Columns, fields: &[&str]) -> Option<(SignalKey, Option<GpsTime>)> {
     let fields = Fields { columns, fields };
-    if fields.bits(Optional::DeltaRangeState)? & LOCK_LOST == 0 {
+    if !RangeState(fields.bits(Optional::DeltaRangeState)?).is_lock_lost() {
         return None;
     }
-    Some((names(&fields).ok()?, fields.count(Required::Time, MAX_NANOS).ok().map(GpsTime::from_nanos)))
+    let Names { satellite, signal, .. } = names(&fields).ok()?;
+    Some(((satellite, signal), fields.count(Required::Time, MAX_NANOS).ok().map(GpsTime::from_nanos)))
 }
 
-/// The satellite of a row, or one without a slot, by its number, and its channel.
-fn satellite_of(fields: &Fields<'_>) -> Option<(SatelliteId, Option<i8>)> {
-    let (constellation, number) = (fields.text(Required::Constellation), fields.text(Required::Satellite));
-    let by_slot = signal::satellite(constellation, number).map(|satellite| (satellite, None));
-    let by_channel = || signal::by_channel(constellation, number);
-    by_slot.or_else(|| by_channel().map(|(satellite, channel)| (satellite, Some(channel))))
+/// What a row names.
+struct Names {
+    satellite: SatelliteId,
+    channel_only: Option<i8>,
+    signal: SignalCode,
 }
 
-fn names(fields: &Fields<'_>) -> Result<(SatelliteId, SignalCode), Fault> {
+fn names(fields: &Fields<'_>) -> Result<Names, Fault> {
     let (constellation, number) = (fields.text(Required::Constellation), fields.text(Required::Satellite));
-    let (satellite, _) = satellite_of(fields).ok_or_else(|| Fault {
+    let (satellite, channel_only) = signal::satellite(constellation, number).ok_or_else(|| Fault {
         reason: Reason::SatelliteNotUsed,
         detail: format!("constellation type '{}', svid '{}'", shorten(constellation), shorten(number)),
     })?;
-    let on_carrier =
-        || signal::name_on(satellite.constellation, fields.optional(Optional::CarrierFrequency)?);
-    let name = match fields.text(Required::Signal) {
-        "" => on_carrier().unwrap_or_default(),
-        name => name,
-    };
     let code_type = fields.columns.optional(fields.fields, Optional::CodeType);
-    let signal = signal::signal(satellite.constellation, name, code_type).ok_or_else(|| Fault {
+    let on_carrier = || signal::signal_at(satellite, fields.optional(Optional::CarrierFrequency)?, code_type);
+    let name = fields.text(Required::Signal);
+    let signal = if name.is_empty() { on_carrier() } else { signal::signal(satellite, name, code_type) };
+    let signal = signal.ok_or_else(|| Fault {
         reason: Reason::SignalNotUsed,
         detail: format!("{satellite} '{}'", shorten(name)),
     })?;
-    Ok((satellite, signal))
+    Ok(Names { satellite, channel_only, signal })
 }
 
 fn given(fields: &Fields<'_>) -> Result<GivenCorrections, Fault> {
@@ -229,35 +224,20 @@ fn observation(
 ) -> Observation {
     let per_wavelength = |metres: f64| Some(metres * frequency_hz? / SPEED_OF_LIGHT_MPS);
     let doppler_hz = fields.optional(Optional::PseudorangeRate).and_then(|rate| per_wavelength(-rate));
-    let state = delta_range_state(fields);
+    let state = RangeState(fields.bits(Optional::DeltaRangeState).unwrap_or(0));
     Observation {
         satellite,
         signal,
         pseudorange_m: Some(pseudorange_m),
         carrier_phase_cycles: fields
             .optional(Optional::DeltaRange)
-            .filter(|_| state.valid)
+            .filter(|_| state.is_valid())
             .and_then(per_wavelength),
         doppler_hz: doppler_hz.filter(|doppler| doppler.abs() <= MAX_DOPPLER_HZ),
         cn0_dbhz: fields.optional(Optional::Cn0).filter(|cn0| CN0_BOUNDS_DBHZ.contains(cn0)),
-        loss_of_lock: state.loss_of_lock,
-    }
-}
-
-struct DeltaRangeState {
-    valid: bool,
-    loss_of_lock: LossOfLock,
-}
-
-/// Android `GnssMeasurement.ADR_STATE_*`: 1 valid, 2 reset, 4 cycle slip, 8 half cycle resolved, 16 half cycle reported.
-fn delta_range_state(fields: &Fields<'_>) -> DeltaRangeState {
-    let bits = fields.bits(Optional::DeltaRangeState).unwrap_or(0);
-    let valid = bits & 1 != 0;
-    DeltaRangeState {
-        valid,
         loss_of_lock: LossOfLock {
-            cycle_slip: bits & LOCK_LOST != 0,
-            half_cycle: valid && bits & 16 != 0 && bits & 8 == 0,
+            cycle_slip: state.is_lock_lost(),
+            half_cycle: state.is_valid() && state.has_half_cycle(),
             ..LossOfLock::default()
         },
     }

@@ -1,21 +1,84 @@
-//! Android's names of satellites and signals in RINEX terms.
+//! Android's numbers of satellites, signals and states of tracking (developer.android.com, `GnssStatus` and `GnssMeasurement`) in
+//! RINEX terms. Logs of phones and tables that were made from them hold these.
 
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::skips::Reason;
 
 /// A carrier may be this far from its nominal frequency, Hz: phones print it as a 32-bit float (64 Hz) and some round.
 const FREQUENCY_TOLERANCE_HZ: f64 = 200e3;
-const GLONASS_G1_HZ: f64 = 1602e6;
-const GLONASS_G1_STEP_HZ: f64 = 562.5e3;
-const GLONASS_G2_HZ: f64 = 1246e6;
-const GLONASS_G2_STEP_HZ: f64 = 437.5e3;
-/// Widest offset from a channel's frequency, Hz.
+/// Largest offset from the frequency of a GLONASS channel, Hz.
 const CHANNEL_TOLERANCE_HZ: f64 = 100e3;
+/// `MultipathIndicator` of a signal in which multipath is detected.
+pub(crate) const MULTIPATH_DETECTED: i64 = 1;
+
+/// Bits of `GnssMeasurement.State` (Android API).
+pub mod state {
+    /// Code lock.
+    pub const CODE_LOCK: u32 = 1;
+    /// Lock on the subframes, of 6 s, of GPS, QZSS, BeiDou D1 and NavIC (whose own last 12 s).
+    pub const SUBFRAME_SYNC: u32 = 1 << 2;
+    /// Time of week decoded from the signal.
+    pub const TOW_DECODED: u32 = 1 << 3;
+    /// The time is known only modulo some milliseconds.
+    pub const MSEC_AMBIGUOUS: u32 = 1 << 4;
+    /// Lock on GLONASS' strings, of 2 s.
+    pub const GLO_STRING_SYNC: u32 = 1 << 6;
+    /// GLONASS time of day decoded from the signal.
+    pub const GLO_TOD_DECODED: u32 = 1 << 7;
+    /// Lock on the subframes, of 0.6 s, of BeiDou D2.
+    pub const BDS_D2_SUBFRAME_SYNC: u32 = 1 << 9;
+    /// Lock on Galileo's E1B or E1C code.
+    pub const GAL_E1BC_CODE_LOCK: u32 = 1 << 10;
+    /// Lock on Galileo E1C's secondary code, which lasts 100 ms.
+    pub const GAL_E1C_2ND_CODE_LOCK: u32 = 1 << 11;
+    /// Lock on Galileo E1B's pages, of 2 s.
+    pub const GAL_E1B_PAGE_SYNC: u32 = 1 << 12;
+    /// Lock on the messages of augmentation satellites, of 1 s.
+    pub const SBAS_SYNC: u32 = 1 << 13;
+    /// Time of week known by other means than this signal.
+    pub const TOW_KNOWN: u32 = 1 << 14;
+    /// GLONASS time of day known by other means than this signal.
+    pub const GLO_TOD_KNOWN: u32 = 1 << 15;
+}
+
+/// `AccumulatedDeltaRangeState`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct RangeState(pub(crate) u32);
+
+impl RangeState {
+    /// Whether the accumulated delta range is valid.
+    pub(crate) const fn is_valid(self) -> bool {
+        self.0 & 1 != 0
+    }
+
+    /// Whether the lock was lost since the last measurement of the signal: reset or cycle slip.
+    pub(crate) const fn is_lock_lost(self) -> bool {
+        self.0 & (1 << 1 | 1 << 2) != 0
+    }
+
+    /// Whether the phone tells half cycles and has not resolved that of the signal.
+    pub(crate) const fn has_half_cycle(self) -> bool {
+        self.0 & 1 << 4 != 0 && self.0 & 1 << 3 == 0
+    }
+}
+
+/// A word of bits, which Android prints as a signed 32-bit number.
+pub(crate) fn bits(value: i64) -> Option<u32> {
+    u32::try_from(value).ok().or_else(|| i32::try_from(value).ok().map(i32::cast_unsigned))
+}
+
+/// `CodeType`, which is the attribute in RINEX.
+pub(crate) const fn code_type(field: &[u8]) -> Option<u8> {
+    match field {
+        [letter @ b'A'..=b'Z'] => Some(*letter),
+        _ => None,
+    }
+}
 
 /// A band of a system.
 struct Band {
     digit: u8,
-    /// Attribute of the signal that phones track where the log has no code type.
+    /// Attribute of the signal that phones track where they say no code type.
     usual: u8,
 }
 
@@ -23,8 +86,8 @@ const fn band(digit: u8, usual: u8) -> Band {
     Band { digit, usual }
 }
 
-/// BeiDou-3's signal at 1207.14 MHz, as phones track it.
-const B2B: SignalCode = SignalCode::new(b'7', b'D');
+/// Attribute of the signal of BeiDou-3 at 1207.14 MHz, as phones track it. BeiDou-2 sends another one there.
+const B2B: u8 = b'D';
 
 /// Bands to look for; the first is the primary one.
 const BANDS: [(Constellation, &[Band]); 7] = [
@@ -50,13 +113,13 @@ const BANDS: [(Constellation, &[Band]); 7] = [
     (Constellation::Navic, &[band(b'5', b'A'), band(b'9', b'A')]),
 ];
 
-/// The satellite of `ConstellationType` and `Svid` (Android API, `GnssStatus.getSvid`), or the reason why there is none.
+/// The satellite of `ConstellationType` and `Svid` (`GnssStatus.getSvid`), or the reason why there is none.
 pub(crate) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteId, Reason> {
     use Constellation::{Beidou, Galileo, Glonass, Gps, Navic, Qzss, Sbas};
     let (constellation, number) = match (constellation_type, svid) {
         (1, 1..=32) => (Gps, svid),
         (2, 120..=158 | 183..=192) => (Sbas, svid - 100),
-        (3, 1..=32) => (Glonass, svid),
+        (3, 1..=27) => (Glonass, svid),
         (3, 93..=106) => return Err(Reason::GlonassSatelliteByChannelOnly),
         (4, 193..=202) => (Qzss, svid - 192),
         // As in the challenge tables of 2021.
@@ -73,66 +136,78 @@ pub(crate) fn satellite(constellation_type: i64, svid: i64) -> Result<SatelliteI
     Ok(SatelliteId::new(constellation, number))
 }
 
-/// The frequency channel of a GLONASS satellite of which the phone knows nothing else: `Svid` 93 to 106 are 100 more than it
-/// (Android API, `GnssStatus.getSvid`).
-pub(crate) fn channel_only(constellation_type: i64, svid: i64) -> Option<i8> {
-    let channel = i8::try_from(svid.checked_sub(100)?).ok()?;
-    (constellation_type == 3 && (-7..=6).contains(&channel)).then_some(channel)
+/// A GLONASS satellite of which the phone knows the frequency channel only, and the channel: its `Svid`, 93 to 106, is 100 more.
+pub(crate) fn channel_only(constellation_type: i64, svid: i64) -> Option<(SatelliteId, i8)> {
+    if constellation_type != 3 || !(93..=106).contains(&svid) {
+        return None;
+    }
+    let satellite = SatelliteId::new(Constellation::Glonass, u8::try_from(svid).ok()?);
+    Some((satellite, i8::try_from(svid - 100).ok()?))
 }
 
 /// A signal and, for GLONASS, its frequency channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Signal {
-    pub(super) code: SignalCode,
-    pub(super) glonass_channel: Option<i8>,
+pub(crate) struct Signal {
+    pub(crate) code: SignalCode,
+    pub(crate) glonass_channel: Option<i8>,
     /// A code type that the band does not have; the usual one stands in its place.
-    pub(super) odd_code_type: Option<u8>,
+    pub(crate) odd_code_type: Option<u8>,
 }
 
 /// The signal on a carrier. Without a frequency, as in logs of 2016, it is the system's primary civil signal. `None` when
 /// the system has no signal at that frequency.
-pub(super) fn signal(
+pub(crate) fn signal(
     satellite: SatelliteId,
     frequency_hz: Option<f64>,
     code_type: Option<u8>,
 ) -> Option<Signal> {
     let constellation = satellite.constellation;
-    let bands = BANDS.iter().find(|(system, _)| *system == constellation)?.1;
+    let mut bands = bands(constellation)?;
     let (band, glonass_channel) = match frequency_hz {
-        None => (bands.first()?, None),
-        Some(frequency) if constellation == Constellation::Glonass => {
-            let (digit, channel) = glonass(frequency)?;
-            (bands.iter().find(|band| band.digit == digit)?, Some(channel))
-        }
-        Some(frequency) => (bands.iter().find(|band| band.is_at(constellation, frequency))?, None),
+        None => (bands.next()?, None),
+        Some(frequency) if constellation == Constellation::Glonass => bands.find_map(|band| {
+            let is_on = |channel: &i8| band.is_at(constellation, Some(*channel), frequency);
+            Some((band, Some((-7..=6).find(is_on)?)))
+        })?,
+        Some(frequency) => (bands.find(|band| band.is_at(constellation, None, frequency))?, None),
     };
-    let can_be = |code: SignalCode| code.has_pseudorange() && satellite.cannot_send(code).is_none();
-    let known = code_type.filter(|letter| can_be(SignalCode::new(band.digit, *letter)));
-    // At 1207.14 MHz BeiDou-3 sends another signal than BeiDou-2.
-    let usual = || Some(SignalCode::new(band.digit, band.usual)).filter(|code| can_be(*code)).unwrap_or(B2B);
+    let code = band.signal(satellite, code_type)?;
     Some(Signal {
-        code: known.map_or_else(usual, |letter| SignalCode::new(band.digit, letter)),
+        code,
         glonass_channel,
-        odd_code_type: code_type.filter(|_| known.is_none()),
+        odd_code_type: code_type.filter(|letter| *letter != code.attribute),
     })
 }
 
-impl Band {
-    fn is_at(&self, constellation: Constellation, frequency_hz: f64) -> bool {
-        SignalCode::new(self.digit, self.usual)
-            .frequency_hz(constellation, None)
-            .is_some_and(|nominal| (nominal - frequency_hz).abs() <= FREQUENCY_TOLERANCE_HZ)
-    }
+/// The signal on a band, by the first of these code types that the satellite sends there, else the usual one.
+pub(crate) fn signal_on(
+    satellite: SatelliteId,
+    band: u8,
+    code_types: impl IntoIterator<Item = u8>,
+) -> Option<SignalCode> {
+    bands(satellite.constellation)?.find(|known| known.digit == band)?.signal(satellite, code_types)
 }
 
-/// Band and channel of a GLONASS carrier.
-fn glonass(frequency_hz: f64) -> Option<(u8, i8)> {
-    let on = |digit: u8, centre_hz: f64, step_hz: f64| {
-        let channel = (-7..=6_i8)
-            .find(|k| (centre_hz + f64::from(*k) * step_hz - frequency_hz).abs() <= CHANNEL_TOLERANCE_HZ)?;
-        Some((digit, channel))
-    };
-    on(b'1', GLONASS_G1_HZ, GLONASS_G1_STEP_HZ).or_else(|| on(b'2', GLONASS_G2_HZ, GLONASS_G2_STEP_HZ))
+fn bands(constellation: Constellation) -> Option<std::slice::Iter<'static, Band>> {
+    BANDS.iter().find(|(system, _)| *system == constellation).map(|(_, bands)| bands.iter())
+}
+
+impl Band {
+    fn is_at(&self, constellation: Constellation, glonass_channel: Option<i8>, frequency_hz: f64) -> bool {
+        let tolerance_hz =
+            if glonass_channel.is_some() { CHANNEL_TOLERANCE_HZ } else { FREQUENCY_TOLERANCE_HZ };
+        SignalCode::new(self.digit, self.usual)
+            .frequency_hz(constellation, glonass_channel)
+            .is_some_and(|nominal| (nominal - frequency_hz).abs() <= tolerance_hz)
+    }
+
+    fn signal(&self, satellite: SatelliteId, code_types: impl IntoIterator<Item = u8>) -> Option<SignalCode> {
+        let mut codes = code_types
+            .into_iter()
+            .chain([self.usual, B2B])
+            .map(|attribute| SignalCode::new(self.digit, attribute));
+        codes.find(|code| code.has_pseudorange() && satellite.cannot_send(*code).is_none())
+    }
 }
 
 #[cfg(test)]
@@ -156,6 +231,7 @@ mod tests {
             (5, 206, "C06"),
             (6, 36, "E36"),
             (7, 9, "I09"),
+            (3, 28, Reason::SatelliteNumberOutOfRange.text()),
             (3, 93, Reason::GlonassSatelliteByChannelOnly.text()),
             (3, 106, Reason::GlonassSatelliteByChannelOnly.text()),
             (1, 0, Reason::SatelliteNumberOutOfRange.text()),
@@ -168,7 +244,8 @@ mod tests {
 
     #[test]
     fn channels_are_a_hundred_below_the_number() {
-        assert_eq!((channel_only(3, 93), channel_only(3, 106)), (Some(-7), Some(6)));
+        let channel = |svid| channel_only(3, svid).map(|(satellite, channel)| (satellite.number, channel));
+        assert_eq!((channel(93), channel(106)), (Some((93, -7)), Some((106, 6))));
         for (kind, svid) in [(3, 92), (3, 107), (1, 100), (3, 24), (3, i64::MIN), (3, 356)] {
             assert_eq!(channel_only(kind, svid), None, "{kind} {svid}");
         }
@@ -202,6 +279,7 @@ mod tests {
             assert_eq!(code(system, Some(hz), None), None);
         }
     }
+
     /// Some chips call every code C, or name a code where there is no frequency to tell the band.
     #[test]
     fn a_code_type_that_the_band_does_not_have_is_not_believed() {
