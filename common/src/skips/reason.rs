@@ -35,7 +35,6 @@ reasons! {
     AnotherHeaderCutOff: "another header is cut off",
     AnotherHeaderHolds: "another header, which holds from there on",
     OldestCorrectionDropped: "arrived while the rover was silent, oldest dropped",
-    BadLine: "bad line",
     BaseWithoutPosition: "base epoch without a position of the base, not used: --base-position gives one",
     BaseContradictsItsPosition: "base's pseudoranges contradict its position, epoch not used: is the position right?",
     BaseSignalAlone: "base's signal alone in its constellation and band, corrects nothing",

@@ -6,7 +6,7 @@ use crate::skips::{Reason, Skips};
 
 fn finished() -> StatusMessage {
     let mut skips = Skips::default();
-    skips.add(Reason::BadLine, || "line 12".to_owned());
+    skips.add(Reason::LineTooLong, || "line 12".to_owned());
     let status = PhoneStatus::Finished { epochs_published: 640, skips, error: Some("disk".to_owned()) };
     StatusMessage { phone: "HP30".to_owned(), status }
 }

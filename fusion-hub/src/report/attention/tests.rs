@@ -272,7 +272,7 @@ fn read_sources(folder: &Path, sources: &mut String) {
         let path = entry.unwrap().path();
         if path.is_dir() && !path.ends_with("attention") {
             read_sources(&path, sources);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
+        } else if path.extension().is_some_and(|extension| extension == "rs") && !path.ends_with("tests.rs") {
             sources.push_str(&std::fs::read_to_string(&path).unwrap());
         }
     }
