@@ -11,9 +11,9 @@ use crate::gnss::Constellation;
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
-/// After so many late messages it is looked at who is late and who is not.
+/// Number of late messages after which the gate decides which systems are late.
 const LATE_LIMIT: u32 = 10;
-/// Messages that wait at most.
+/// Largest number of messages that wait.
 const MOST_WAITING: usize = 16;
 
 /// What becomes of a message.

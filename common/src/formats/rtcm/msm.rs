@@ -74,6 +74,20 @@ pub(super) struct Cell {
 }
 
 impl Cell {
+    fn without_values(rough: &Rough, signal: u8, constellation: Constellation) -> Self {
+        Self {
+            satellite: rough.satellite,
+            signal,
+            glonass_channel: rough.glonass_channel(constellation),
+            code: None,
+            phase: None,
+            rate_mps: None,
+            cn0_dbhz: None,
+            lock: LockTime::coarse(0),
+            half_cycle: false,
+        }
+    }
+
     /// Travel time of the code, s.
     pub(super) fn code_s(&self) -> Option<f64> {
         self.code.map(seconds)
@@ -183,6 +197,9 @@ fn rough(bits: &mut Bits<'_>, satellites: &[u8], level: Level) -> Result<Vec<Rou
     Ok(rough)
 }
 
+/// Width in bits of a fine field and the exponent of its unit, ms·2^−exponent.
+type FineField = (usize, u32);
+
 /// Signal data: each field for all cells before the next field.
 fn cells(
     bits: &mut Bits<'_>,
@@ -192,60 +209,46 @@ fn cells(
     present: &[(usize, u8)],
 ) -> Result<Vec<Cell>, Fault> {
     let extended = level.is_extended();
-    // DF405 and DF406, or DF400 and DF401: widths and exponents
-    let ((code_width, code_exponent), (phase_width, phase_exponent)) =
+    // DF405 and DF406, or DF400 and DF401.
+    let (code, phase): (FineField, FineField) =
         if extended { ((20, 29), (24, 31)) } else { ((15, 24), (22, 29)) };
-    let codes = fine(bits, code_width, present.len())?;
-    let phases = fine(bits, phase_width, present.len())?;
-    let mut locks = Vec::with_capacity(present.len());
-    for _ in present {
-        locks.push(if extended {
-            LockTime::fine(bits.unsigned(10)?)
-        } else {
-            LockTime::coarse(bits.unsigned(4)?)
-        });
+    let of_satellite = |(index, signal): &(usize, u8)| Some((*rough.get(*index)?, *signal));
+    let mut cells: Vec<(Rough, Cell)> = present
+        .iter()
+        .filter_map(of_satellite)
+        .map(|(rough, signal)| (rough, Cell::without_values(&rough, signal, constellation)))
+        .collect();
+    for (rough, cell) in &mut cells {
+        cell.code = rough.plus(fine(bits, code.0)?, code.1);
     }
-    let mut half_cycles = Vec::with_capacity(present.len());
-    for _ in present {
-        half_cycles.push(bits.flag()?);
+    for (rough, cell) in &mut cells {
+        cell.phase = rough.plus(fine(bits, phase.0)?, phase.1);
     }
-    let mut strengths = Vec::with_capacity(present.len());
-    for _ in present {
+    for (_, cell) in &mut cells {
+        cell.lock =
+            if extended { LockTime::fine(bits.unsigned(10)?) } else { LockTime::coarse(bits.unsigned(4)?) };
+    }
+    for (_, cell) in &mut cells {
+        cell.half_cycle = bits.flag()?;
+    }
+    for (_, cell) in &mut cells {
         // DF408 or DF403
         let cn0 = if extended { bits.scaled_unsigned(10, 0.0625)? } else { bits.scaled_unsigned(6, 1.0)? };
-        strengths.push(Some(cn0).filter(|cn0| *cn0 > 0.0));
+        cell.cn0_dbhz = Some(cn0).filter(|cn0| *cn0 > 0.0);
     }
-    let rates = if level.has_rates() { fine(bits, 15, present.len())? } else { vec![None; present.len()] };
-
-    let code_and_phase = codes.into_iter().zip(phases);
-    let state = locks.into_iter().zip(half_cycles);
-    let rest = strengths.into_iter().zip(rates);
-    Ok(present
-        .iter()
-        .zip(code_and_phase.zip(state.zip(rest)))
-        .filter_map(|((satellite, signal), ((code, phase), ((lock, half_cycle), (cn0_dbhz, rate))))| {
-            let rough = rough.get(*satellite)?;
-            Some(Cell {
-                satellite: rough.satellite,
-                signal: *signal,
-                glonass_channel: rough.glonass_channel(constellation),
-                code: rough.plus(code, code_exponent),
-                phase: rough.plus(phase, phase_exponent),
-                // DF404
-                rate_mps: rough
-                    .rate_mps
-                    .zip(rate)
-                    .map(|(rough, fine)| f64::from(rough) + f64::from(fine) * 1e-4),
-                cn0_dbhz,
-                lock,
-                half_cycle,
-            })
-        })
-        .collect())
+    if level.has_rates() {
+        for (rough, cell) in &mut cells {
+            // DF404
+            let fine = fine(bits, 15)?;
+            cell.rate_mps =
+                rough.rate_mps.zip(fine).map(|(rough, fine)| f64::from(rough) + f64::from(fine) * 1e-4);
+        }
+    }
+    Ok(cells.into_iter().map(|(_, cell)| cell).collect())
 }
 
-/// Fine values of a width; the most negative number means that there is none.
-fn fine(bits: &mut Bits<'_>, width: usize, count: usize) -> Result<Vec<Option<i32>>, TooShort> {
+/// A fine value of a width; the most negative number means that there is none.
+fn fine(bits: &mut Bits<'_>, width: usize) -> Result<Option<i32>, TooShort> {
     let none = -(1_i32 << (width - 1));
-    (0..count).map(|_| bits.signed(width).map(|value| Some(value).filter(|v| *v != none))).collect()
+    Ok(Some(bits.signed(width)?).filter(|value| *value != none))
 }
