@@ -249,7 +249,7 @@ impl JointFilter {
     }
 
     /// Mean and covariance, for constraints to act on.
-    pub const fn law_mut(&mut self) -> (&mut DVector<f64>, &mut DMatrix<f64>) {
+    pub const fn distribution_mut(&mut self) -> (&mut DVector<f64>, &mut DMatrix<f64>) {
         (&mut self.mean, &mut self.covariance)
     }
 

@@ -224,7 +224,7 @@ impl Engine {
         if on_slots.is_empty() {
             return Vec::new();
         }
-        let (mean, covariance) = self.filter.law_mut();
+        let (mean, covariance) = self.filter.distribution_mut();
         let actions = constrain(mean, covariance, &on_slots, &self.options.constraints);
         let named = |action: ConstraintAction| {
             // Outside the engine phones and constraints are identified by their index in the group.
