@@ -129,8 +129,7 @@ impl PhonePipeline {
     }
 
     /// Assigns slots to the GLONASS satellites known by their channel only, by comparison with the orbits seen from the last position, or
-    /// from a
-    /// position without atmosphere.
+    /// from a position without atmosphere.
     fn identify(&mut self, epoch: &RecordedEpoch, prepared: &[PreparedObservation]) -> ObservationEpoch {
         let position = self.position.unwrap_or_else(|| rough_position(prepared));
         self.corrector.identify(&epoch.by_channel, prepared, position, epoch.time_gps)
@@ -192,8 +191,7 @@ impl PhonePipeline {
     }
 
     /// Corrects and solves one epoch. Corrections are made for the last known position, or else for a solution without atmosphere, and made
-    /// again
-    /// if the solution is far from it. A last known position without a resulting solution is discarded, because it may be wrong.
+    /// again if the solution is far from it. A last known position without a resulting solution is discarded, because it may be wrong.
     fn solve(
         &mut self,
         time_gps: GpsTime,

@@ -2,10 +2,8 @@
 //!
 //! Each applied row leaves a *site*, the Gaussian factor exp(−½τy² + νy) of y = cᵀX that represents its interval. Before a row is applied
 //! again, its own site is removed, and the remaining distribution (the cavity: the state with all other sites) is truncated. So no
-//! information
-//! is applied twice, whatever the order and number of applications. Both methods use this loop; they differ in the constraints that are
-//! applied
-//! again and in the end of the loop.
+//! information is applied twice, whatever the order and number of applications. Both methods use this loop; they differ in the constraints
+//! that are applied again and in the end of the loop.
 //!
 //! All updates are symmetric rank-one updates of the covariance along Pc: O(n·6 + n²) each for n states.
 
@@ -32,8 +30,7 @@ struct Propagation<'a> {
 ///
 /// `state` holds nine elements per phone (see [`crate::filter`]), `covariance` theirs. A constraint that cannot be
 /// applied (see [`SkipReason`]) changes nothing. A constraint that does not apply to the state, such as a heading of a phone that is too
-/// slow
-/// (see [`HeadingGate`](super::HeadingGate)), is not reported. The covariance stays symmetric.
+/// slow (see [`HeadingGate`](super::HeadingGate)), is not reported. The covariance stays symmetric.
 pub fn constrain(
     state: &mut DVector<f64>,
     covariance: &mut DMatrix<f64>,

@@ -1,10 +1,8 @@
 //! Knowledge about phones, applied to a Gaussian state by truncation (Peng 2023, §3.2).
 //!
 //! A constraint bounds a quantity to an interval: a distance between two phones, a vertical velocity, a course. Linearised, it is a row c
-//! with
-//! l ≤ cᵀX ≤ u. Under the Gaussian X̂, P the quantity has mean μ₀ = cᵀX̂ and variance σ₀² = cᵀPc. Its truncation to [l, u] has the moments
-//! μ̃, σ̃².
-//! With no other information the state becomes
+//! with l ≤ cᵀX ≤ u. Under the Gaussian X̂, P the quantity has mean μ₀ = cᵀX̂ and variance σ₀² = cᵀPc. Its truncation to [l, u] has the
+//! moments μ̃, σ̃². With no other information the state becomes
 //!
 //! ```text
 //! X̃ = X̂ + Pc/σ₀² (μ̃ − μ₀)        P̃ = P − (Pc)(Pc)ᵀ/σ₀² (1 − σ̃²/σ₀²)
@@ -22,8 +20,7 @@
 //!
 //! Approximations: a distance is truncated along lines, not as a ball, so its spread across the line is bounded only by a box (see
 //! [`options::DistanceModel`]). The result is a Gaussian with the moments of a distribution that is not Gaussian. A constraint must not
-//! repeat
-//! information that the state already contains.
+//! repeat information that the state already contains.
 
 pub mod engine;
 pub mod kinds;
@@ -65,8 +62,7 @@ pub enum ConstraintOutcome {
     /// The mean is within the bounds, to 1 mm, 1 mm/s or 1 mrad.
     Holds,
     /// The mean is still outside: the interval was enlarged, constraints contradict each other, or the uncertainty across explains the
-    /// minimum
-    /// distance (see [`DistanceModel::Box`]).
+    /// minimum distance (see [`DistanceModel::Box`]).
     Violated,
     /// The constraint was not applied and changed nothing.
     Skipped(SkipReason),

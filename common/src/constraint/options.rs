@@ -9,8 +9,7 @@ use super::truncation::Enlargement;
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// One by one in the given order (Peng §2.2.4), with further sweeps for violated constraints. A repeated constraint replaces its own
-    /// former
-    /// effect; it is never counted twice.
+    /// former effect; it is never counted twice.
     Sequential {
         /// Maximum number of sweeps, ≥ 1.
         max_sweeps: u32,
@@ -31,10 +30,8 @@ pub enum DistanceModel {
     /// As in the paper: minimum ≤ uᵀd ≤ maximum along the line u between the phones.
     Radial,
     /// Three axes. |d| ≤ maximum bounds every component of d: −maximum ≤ eᵀd ≤ maximum along the line and along two axes across. A minimum
-    /// bounds
-    /// the component along the line, reduced by the uncertainty across: two phones that are close along the line, but uncertain by metres
-    /// across it,
-    /// need not be pushed apart. After a violated minimum the distance of the means may therefore still be below it.
+    /// bounds the component along the line, reduced by the uncertainty across: two phones that are close along the line, but uncertain by
+    /// metres across it, need not be pushed apart. After a violated minimum the distance of the means may therefore still be below it.
     ///
     /// Largest error of a mean against rejection sampling, in prior standard deviations, `Box` and `Radial`: two phones in one
     /// car that are 16 m apart 0.04 and 0.87, 1 m apart 0.04 and 0.11; a convoy 8 m apart that should be 10 m, known to 1.5 m
@@ -77,8 +74,7 @@ pub struct ConstraintOptions {
     /// Minimum speed for heading constraints.
     pub heading_gate: HeadingGate,
     /// Distance from the bounds, in standard deviations, beyond which a constraint is reported and not applied, e.g. because a phone has
-    /// left the car
-    /// or the course is not that of the road. Infinite: every constraint is applied, as in the paper.
+    /// left the car or the course is not that of the road. Infinite: every constraint is applied, as in the paper.
     pub contradiction_sigmas: f64,
     /// Maximum number of relinearisations of a distance per refresh.
     pub max_relinearisations: u32,

@@ -1,8 +1,7 @@
 //! Bounded rows of a joint state, the linear form of constraints.
 //!
 //! A row is cᵀX + c₀. The constant is zero for linear quantities, and for a length |d| = uᵀd with the unit vector u of its linearisation,
-//! which is
-//! homogeneous. The rotation of the up vector with the phone's position is neglected; it is one part in 6.4 million per metre.
+//! which is homogeneous. The rotation of the up vector with the phone's position is neglected; it is one part in 6.4 million per metre.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 

@@ -99,8 +99,7 @@ impl<'a> Posterior<'a> {
     }
 
     /// Removes a site from the state and from its slot. Returns `false` if, near an equality, rounding leaves no valid distribution without
-    /// the
-    /// site; the site then stays in both.
+    /// the site; the site then stays in both.
     pub(super) fn remove(&mut self, slot: &mut Option<Site>) -> bool {
         let Some(site) = *slot else { return true };
         let Ok(marginal) = self.project(&site.row) else { return false };
@@ -114,8 +113,7 @@ impl<'a> Posterior<'a> {
     }
 
     /// Recomputes the state from the prior and all present sites, each applied once, without the rounding errors of removed sites. Every
-    /// step
-    /// reduces the covariance, so it stays positive definite.
+    /// step reduces the covariance, so it stays positive definite.
     pub(super) fn rebuild<'s>(&mut self, sites: impl Iterator<Item = &'s Site>) {
         if !self.has_removed {
             return;

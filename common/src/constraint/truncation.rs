@@ -35,12 +35,10 @@ pub enum Enlargement {
     /// The interval is kept: the constraint is true and the state is wrong.
     Fixed,
     /// Algorithm 1: while the truncated moments give the interval a probability below 1 − `confidence`, the interval is widened about its
-    /// centre
-    /// by `factor` (one-sided intervals move their bound, courses widen their tolerance).
+    /// centre by `factor` (one-sided intervals move their bound, courses widen their tolerance).
     ///
     /// For a mean far outside, the truncated distribution is nearly exponential, and its moments give the interval a probability of about
-    /// 0.84. With
-    /// the paper's 0.1 the interval then grows until it reaches the mean, and the correction is almost lost.
+    /// 0.84. With the paper's 0.1 the interval then grows until it reaches the mean, and the correction is almost lost.
     Peng {
         /// The paper's c, 0.1.
         confidence: f64,
@@ -85,8 +83,7 @@ impl Interval {
     }
 
     /// The interval after `times` enlargements. An interval with two bounds grows about its centre; a single bound moves outwards by the
-    /// larger of its
-    /// size and `sigma`, times factor^`times` − 1.
+    /// larger of its size and `sigma`, times factor^`times` − 1.
     fn enlarged(&self, factor: f64, times: u32, sigma: f64) -> Self {
         if times == 0 {
             return *self;

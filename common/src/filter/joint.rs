@@ -167,8 +167,7 @@ impl JointFilter {
     }
 
     /// Predicts all phones to `time_gps`; a time at or before the filter's has no effect. [`JointFilter::drop_silent`] must be called
-    /// before, to bound
-    /// the length of the prediction.
+    /// before, to bound the length of the prediction.
     pub fn predict(&mut self, time_gps: GpsTime) {
         let total_s = time_gps - self.time_gps;
         if total_s <= 0.0 || self.is_empty() {
@@ -218,8 +217,7 @@ impl JointFilter {
     }
 
     /// Whether the prediction of a phone has contradicted most of its pseudoranges for five consecutive epochs. The prediction is then
-    /// wrong,
-    /// and the phone should be initialised again.
+    /// wrong, and the phone should be initialised again.
     pub fn is_lost(&self, slot: usize) -> bool {
         self.slots.get(slot).is_some_and(|slot| slot.rejecting >= LOST_AFTER)
     }

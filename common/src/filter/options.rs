@@ -8,8 +8,7 @@ pub struct FilterOptions {
     /// Motion model of the phones.
     pub process: ProcessNoise,
     /// Factor on the standard deviation of a pseudorange. Multipath is correlated from epoch to epoch; treated as white noise it would get
-    /// too much
-    /// weight.
+    /// too much weight.
     pub code_sigma_scale: f64,
     /// Factor on the standard deviation of a range rate.
     pub rate_sigma_scale: f64,

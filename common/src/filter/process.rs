@@ -1,11 +1,9 @@
 //! Prediction of one phone: position, velocity and a decaying acceleration driven by white jerk.
 //!
 //! With the time constant τ of the acceleration, a unit jerk impulse at time s before the end changes the acceleration by g_a = e^(−s/τ),
-//! the velocity
-//! by g_v = τ(1 − e^(−s/τ)) and the position by g_r = τ²(s/τ − 1 + e^(−s/τ)). So
-//! F = [1 Δt g_r(Δt); 0 1 g_v(Δt); 0 0 g_a(Δt)] ⊗ I₃, Peng Eq. 22 as τ → ∞, and the noise of a white jerk of spectral
-//! density q is Q_ij = q∫₀^Δt g_i g_j ds. As τ → ∞ that is q·[Δt⁵/20 Δt⁴/8 Δt³/6; Δt⁴/8 Δt³/3 Δt²/2; Δt³/6 Δt²/2 Δt]:
-//! Eq. 21 with σ_a² = q·Δt. Two half steps add the same noise as one step.
+//! the velocity by g_v = τ(1 − e^(−s/τ)) and the position by g_r = τ²(s/τ − 1 + e^(−s/τ)). So F = [1 Δt g_r(Δt); 0 1 g_v(Δt); 0 0 g_a(Δt)]
+//! ⊗ I₃, Peng Eq. 22 as τ → ∞, and the noise of a white jerk of spectral density q is Q_ij = q∫₀^Δt g_i g_j ds. As τ → ∞ that is q·[Δt⁵/20
+//! Δt⁴/8 Δt³/6; Δt⁴/8 Δt³/3 Δt²/2; Δt³/6 Δt²/2 Δt]: Eq. 21 with σ_a² = q·Δt. Two half steps add the same noise as one step.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 

@@ -1,8 +1,7 @@
 //! Measurement update of one phone from code and Doppler, with eliminated clocks and robust weights on innovations.
 //!
 //! The weight of an innovation depends on the variances of the measurement and of the predicted position. The variance of the clock, which
-//! is
-//! estimated from the same few innovations, is neglected.
+//! is estimated from the same few innovations, is neglected.
 //!
 //! The rows of a phone are first compressed to its own three position (or velocity) states: with the clocks eliminated,
 //! the information of the epoch is (A, b), A = Σ w h̃h̃ᵀ. With A = LLᵀ the rows z = L⁻¹b, H = Lᵀ have unit noise and
@@ -59,8 +58,7 @@ impl JointFilter {
     }
 
     /// Multiplies the rows' weights by their robust factors and returns the factors. Clocks start from weighted medians, so that one
-    /// outlier does
-    /// not shift all rows of its group.
+    /// outlier does not shift all rows of its group.
     fn weight(&self, at: usize, rows: &mut [Row], group_count: usize) -> Vec<f64> {
         let robust: RobustWeights = self.options.robust;
         let prior = self.covariance.fixed_view::<3, 3>(at, at).into_owned();

@@ -1,8 +1,7 @@
 //! Alignment of the epochs of several phones by GPS time. No I/O, no clock of its own.
 //!
 //! Receive times of different phones differ by less than a millisecond to half a second. Phones start and stop at different seconds and may
-//! have
-//! different rates. Messages of one phone are in order; messages of different phones arrive in any order.
+//! have different rates. Messages of one phone are in order; messages of different phones arrive in any order.
 //!
 //! **Rule.** The earliest waiting message is the anchor of a bucket. The earliest messages of the other phones join it in order of time
 //! while each
@@ -10,24 +9,18 @@
 //! - for every earlier member, is simultaneous with it (20 ms) or not nearer to the next message of that member's phone.
 //!
 //! The first message that does not join ends the bucket. Remaining messages are therefore never earlier than a member, and the latest times
-//! of
-//! successive buckets never decrease. A bucket is complete when the rule can be decided: every running phone has a message waiting, and a
-//! second
-//! one where the rule needs it. The decision depends on the messages alone, not on their arrival times.
+//! of successive buckets never decrease. A bucket is complete when the rule can be decided: every running phone has a message waiting, and
+//! a second one where the rule needs it. The decision depends on the messages alone, not on their arrival times.
 //!
 //! Three or more phones with epochs spread over more than the tolerance fall into alternating buckets; all messages are used nevertheless.
 //!
 //! **Wrong dates.** One message with a wrong date must not make all later messages look like steps backwards. The first message of a phone,
-//! and
-//! every message far from the previous one, is held back until the next message of the phone confirms it: by following closely, or by
-//! continuing
-//! regular steps (three epochs two hours apart). A message without confirmation is dropped. In a live group the first message is accepted
-//! at once if
-//! its time is near that of another phone.
+//! and every message far from the previous one, is held back until the next message of the phone confirms it: by following closely, or by
+//! continuing regular steps (three epochs two hours apart). A message without confirmation is dropped. In a live group the first message is
+//! accepted at once if its time is near that of another phone.
 //!
 //! **Live groups.** Phones start late, lag, fall silent, or send epochs of another time. With W = [`AlignOptions::maximum_wait`] and
-//! frequent calls
-//! of [`Aligner::go_on`]:
+//! frequent calls of [`Aligner::go_on`]:
 //!
 //! - **No message waits for a phone longer than W after its arrival.** After W the missing phones are left behind: the group does not wait
 //!   for them
@@ -42,15 +35,11 @@
 //! - A phone is on time again when one of its messages is fusable, or arrives at most W after the other phones' messages of that time.
 //!
 //! **Time of the group.** A lagging phone may have a slow link, or it may be right while the phones waiting for it have a clock that is
-//! ahead. Before
-//! a phone that still sends and does not fall behind further is left behind, the support of the two times is compared (`Support`): first
-//! agreement
-//! of a phone with the hub's clock within W, then the number of phones with a position, then the number of phones, last the smaller
-//! difference to the
-//! hub's clock. Phones at the time with less support are *ahead*: their messages wait until the group reaches that time, and the group does
-//! not wait for these phones. If an earlier time gains more support later, the group returns to it ([`Aligner::went_back`]), so that no
-//! phone can
-//! exclude the others permanently.
+//! ahead. Before a phone that still sends and does not fall behind further is left behind, the support of the two times is compared
+//! (`Support`): first agreement of a phone with the hub's clock within W, then the number of phones with a position, then the number of
+//! phones, last the smaller difference to the hub's clock. Phones at the time with less support are *ahead*: their messages wait until the
+//! group reaches that time, and the group does not wait for these phones. If an earlier time gains more support later, the group returns to
+//! it ([`Aligner::went_back`]), so that no phone can exclude the others permanently.
 
 mod live;
 mod track;

@@ -25,10 +25,8 @@ pub struct EngineOptions {
     /// Options of the constraints.
     pub constraints: ConstraintOptions,
     /// Whether the filter continues with the constrained state (as in Peng 2023), so that phones improve each other over time. Without
-    /// feedback
-    /// constraints only affect the output. With feedback a quantity near its bound is biased inwards, because a bound that holds at every
-    /// epoch is
-    /// applied at every epoch.
+    /// feedback constraints only affect the output. With feedback a quantity near its bound is biased inwards, because a bound that holds
+    /// at every epoch is applied at every epoch.
     pub feedback: bool,
 }
 
@@ -99,8 +97,7 @@ impl Engine {
     }
 
     /// Fuses the messages of one aligned epoch, at most one per phone. Each message updates the filter at its own receive time, in order of
-    /// time;
-    /// constraints are applied at the latest of these times.
+    /// time; constraints are applied at the latest of these times.
     pub fn step(&mut self, messages: Vec<Option<EpochMessage>>) -> FusedEpoch {
         let mut order: Vec<(GpsTime, usize)> = messages
             .iter()

@@ -58,8 +58,7 @@ pub struct Monitored {
 }
 
 /// Solves and tests. While the global test fails, excludes the measurement with the largest normalised residual that fails the local test
-/// and
-/// can be separated from the others. Excluded observations are marked in place.
+/// and can be separated from the others. Excluded observations are marked in place.
 pub fn solve_with_raim(
     observations: &mut [CorrectedObservation],
     start: Ecef,

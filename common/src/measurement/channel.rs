@@ -1,8 +1,7 @@
 //! GLONASS satellites that a phone knows by their frequency channel only.
 //!
 //! Two satellites at opposite positions of one orbital plane share a channel (GLONASS ICD, L1 and L2, edition 5.1, 3.3.1.1), so at most one
-//! of both
-//! is above the horizon.
+//! of both is above the horizon.
 
 use super::{Corrector, PreparedObservation};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
@@ -14,8 +13,7 @@ use crate::time::GpsTime;
 /// Slot numbers (GLONASS ICD: 24, and room for three more).
 const SLOTS: std::ops::RangeInclusive<u8> = 1..=27;
 /// Maximum difference, m, between the receiver clock from a pseudorange and that of the other satellites. A wrong satellite differs by
-/// hundreds of
-/// kilometres; an approximate position and the clocks of different systems differ by a few.
+/// hundreds of kilometres; an approximate position and the clocks of different systems differ by a few.
 const MOST_FROM_CLOCK_M: f64 = 2e4;
 
 /// An observation of a GLONASS satellite with unknown slot.

@@ -21,8 +21,7 @@ pub struct CorrectionOptions {
     /// Elevation mask, rad.
     pub elevation_mask_rad: f64,
     /// Elevation mask, rad, of satellites with tropospheric delays in the recording. The other mask is higher mainly because our models
-    /// fail
-    /// near the horizon: at 3° our tropospheric delay exceeds that of the challenge tables by 12 m.
+    /// fail near the horizon: at 3° our tropospheric delay exceeds that of the challenge tables by 12 m.
     pub stated_elevation_mask_rad: f64,
     /// Treatment of the ionospheric delay.
     pub ionosphere: Ionosphere,
@@ -126,8 +125,7 @@ impl Corrector {
     }
 
     /// The same for a recording with additional data: `stated` returns the data on the observation at an index. The receiver's standard
-    /// deviation of a
-    /// code replaces the stochastic model without a C/N0. The recording's satellite state is used if no product has one.
+    /// deviation of a code replaces the stochastic model without a C/N0. The recording's satellite state is used if no product has one.
     pub(super) fn prepare_stated<'a>(
         &mut self,
         epoch: &ObservationEpoch,
@@ -298,8 +296,7 @@ impl Corrector {
     }
 
     /// Corrected observations as seen from `position` (Sagnac rotation, direction, masks, atmosphere, standard deviations), and the counts
-    /// of masked
-    /// observations and missing models. The counts are valid only if this position is final.
+    /// of masked observations and missing models. The counts are valid only if this position is final.
     pub fn finish(
         &self,
         prepared: &[PreparedObservation],

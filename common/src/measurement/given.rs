@@ -54,8 +54,7 @@ pub struct RecordedObservation {
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedEpoch {
     /// Receive time by the phone's clock, GPS time. The challenge tables of 2021 truncate it to a millisecond; the transmission time and
-    /// pseudorange of
-    /// the first row restore it.
+    /// pseudorange of the first row restore it.
     pub time_gps: GpsTime,
     /// One entry per satellite and signal, in file order.
     pub observations: Vec<RecordedObservation>,
@@ -111,8 +110,7 @@ impl RecordedEpoch {
 
 impl Corrector {
     /// Like [`Corrector::prepare`], for an observation with recorded satellite state and corrections. Range rates and ionosphere models
-    /// need the
-    /// carrier frequency `frequency_hz`. `None` without a pseudorange, and for an excluded or masked observation.
+    /// need the carrier frequency `frequency_hz`. `None` without a pseudorange, and for an excluded or masked observation.
     pub fn prepare_given(
         &mut self,
         observation: &Observation,

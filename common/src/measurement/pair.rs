@@ -1,13 +1,10 @@
 //! Ionosphere-free pairs: P_IF = (f₁²P₁ − f₂²P₂)/(f₁² − f₂²).
 //!
 //! The ionospheric delay of a signal is inversely proportional to the square of its frequency, except for higher-order terms of millimetres
-//! to
-//! centimetres, so this combination of two signals of one satellite is free of it (IS-GPS-200, 20.3.3.3.3.3). The group delay of each
-//! signal is
-//! corrected before. The receiver's delay between the two signals remains; it is the same for all satellites of a system, so each pair of
-//! bands has
-//! its own receiver clock ([`SignalCode::pair`]). The combination amplifies the noise: by 2.6 for L1 and L5 of equal noise, by 3.0 for L1
-//! and L2.
+//! to centimetres, so this combination of two signals of one satellite is free of it (IS-GPS-200, 20.3.3.3.3.3). The group delay of each
+//! signal is corrected before. The receiver's delay between the two signals remains; it is the same for all satellites of a system, so each
+//! pair of bands has its own receiver clock ([`SignalCode::pair`]). The combination amplifies the noise: by 2.6 for L1 and L5 of equal
+//! noise, by 3.0 for L1 and L2.
 
 use std::str::FromStr;
 
@@ -79,10 +76,8 @@ impl Second {
 
 impl Ionosphere {
     /// Replaces signals by pairs. The two signals of a satellite with the largest frequency difference make the pair with the least noise:
-    /// L1 and L5
-    /// before L1 and L2, E1 and E5a before E1 and E5b. Other signals of the satellite are left out. The pair has the range rate of its
-    /// first signal, or
-    /// else of its second.
+    /// L1 and L5 before L1 and L2, E1 and E5a before E1 and E5b. Other signals of the satellite are left out. The pair has the range rate
+    /// of its first signal, or else of its second.
     pub(super) fn combine(
         self,
         prepared: Vec<PreparedObservation>,

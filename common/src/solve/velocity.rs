@@ -10,8 +10,7 @@ use crate::measurement::{CorrectedObservation, Usage};
 const OUTLIER_SIGMAS: f64 = 4.0;
 
 /// Velocity by weighted least squares from the range rates of the observations in use, with one common clock drift, because all signals
-/// share
-/// the phone's oscillator. Residuals beyond four σ are excluded, the largest first, while redundancy remains.
+/// share the phone's oscillator. Residuals beyond four σ are excluded, the largest first, while redundancy remains.
 /// `None` if fewer than four range rates or a singular geometry remain.
 pub fn solve_velocity(observations: &[CorrectedObservation], position: Ecef) -> Option<VelocitySolution> {
     let mut rows: Vec<Row> = observations

@@ -134,8 +134,7 @@ macro_rules! kinds {
         /// A constraint on phones, by their index in the joint state.
         ///
         /// Its written form consists of the name of its kind as `kind` and the keys of that kind: bounds with their unit; any other key is
-        /// an
-        /// error. Phones are not part of it, because files use their names: see [`Constraint::among`].
+        /// an error. Phones are not part of it, because files use their names: see [`Constraint::among`].
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(tag = "kind")]
         pub enum Constraint {
@@ -222,12 +221,10 @@ impl Constraint {
     }
 
     /// The constrained quantity in a joint state: distance (m), vertical velocity (m/s, positive up), speed (m/s) or angle off the course
-    /// (rad, in
-    /// (−π, π], positive to the right).
+    /// (rad, in (−π, π], positive to the right).
     ///
     /// Velocities are means over the next `horizon_s`, v + ½a·horizon; 0 uses the velocity itself. `None` if the state does not contain the
-    /// phones or is
-    /// not finite, and for the course of a phone without horizontal velocity.
+    /// phones or is not finite, and for the course of a phone without horizontal velocity.
     pub fn value(&self, state: &DVector<f64>, horizon_s: f64) -> Option<f64> {
         self.kind().value(state, horizon_s).filter(|value| value.is_finite())
     }

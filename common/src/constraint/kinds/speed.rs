@@ -1,10 +1,8 @@
 //! minimum ≤ |v_horizontal| ≤ maximum.
 //!
 //! Along the direction u of motion the speed is uᵀv. An upper bound holds for every component of the horizontal velocity: for an uncertain
-//! direction
-//! the component across is bounded too, and for a phone without motion the east and north components are. A lower bound needs a direction:
-//! it
-//! is applied to the component along a certain direction
+//! direction the component across is bounded too, and for a phone without motion the east and north components are. A lower bound needs a
+//! direction: it is applied to the component along a certain direction
 //! ([`HeadingGate::minimum_sigmas`](crate::constraint::HeadingGate::minimum_sigmas)), reduced by the uncertainty across, and not at all
 //! otherwise.
 

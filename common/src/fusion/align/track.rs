@@ -137,8 +137,7 @@ impl Track {
     }
 
     /// Removes and returns the held messages confirmed by a message of `time`: the message that it follows closely, or those that make
-    /// regular steps
-    /// with it.
+    /// regular steps with it.
     fn confirmed_by(&mut self, time: GpsTime, options: &AlignOptions) -> Vec<ReceivedEpoch> {
         let near = |held: &ReceivedEpoch| {
             let step_s = time - held.message.time_gps;

@@ -35,8 +35,7 @@ struct FoundCorrection {
 
 impl Differential {
     /// Corrects the observations of one epoch, made for the rover position `rover`. The nearest base with a fresh epoch and a correction
-    /// for at
-    /// least one observation is used.
+    /// for at least one observation is used.
     pub fn apply(
         &mut self,
         observations: &mut Vec<CorrectedObservation>,

@@ -144,8 +144,8 @@ fn contradicts(corrections: &[BaseCorrection]) -> bool {
 
 impl BaseCorrection {
     /// Change of the correction, m, between the navigation messages in force at the base's observation and at `sent`, as seen from the
-    /// base, or between
-    /// a message and precise orbits that begin or end in between. Zero for the same message, and with precise orbits at both instants.
+    /// base, or between a message and precise orbits that begin or end in between. Zero for the same message, and with precise orbits at
+    /// both instants.
     pub(super) fn change_of_message_m(&self, products: &Products, sent: GpsTime, base: Ecef) -> f64 {
         let satellite = self.satellite;
         let state = |at| products.satellite_state(satellite, at).ok();

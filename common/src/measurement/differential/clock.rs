@@ -9,8 +9,7 @@ const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
 pub(super) type Value = (f64, f64);
 
 /// Weighted mean of the values without outliers, and a flag per value for outliers. An outlier differs from the median by more than `limit`
-/// times
-/// its standard deviation, which is scaled up if the values scatter more than expected. `None` without values.
+/// times its standard deviation, which is scaled up if the values scatter more than expected. `None` without values.
 pub(super) fn common(values: &[Value], limit: f64) -> Option<(f64, Vec<bool>)> {
     let centre = median(values.iter().map(|(value, _)| *value).collect())?;
     let standardised: Vec<f64> =

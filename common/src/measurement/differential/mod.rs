@@ -10,10 +10,9 @@
 //! Δ = P_c,b − ρ_b − clock_b,      rover: P_c,r − Δ.
 //!
 //! This is the classical correction P_b + c·dT_s − ρ_b plus the modelled difference between the two positions, (I_r − I_b) + (T_r − T_b):
-//! the base's
-//! true ionosphere and troposphere cancel with the rover's, and the models only need to describe the *difference* between rover and base.
-//! Long baselines and height differences therefore do no harm, and the corrections are small and age slowly. The group delay is the same on
-//! both sides and cancels.
+//! the base's true ionosphere and troposphere cancel with the rover's, and the models only need to describe the *difference* between rover
+//! and base. Long baselines and height differences therefore do no harm, and the corrections are small and age slowly. The group delay is
+//! the same on both sides and cancels.
 //!
 //! - The subtracted clock is a robust weighted mean, so the correction of a signal is its difference from the other signals of its group.
 //!   The common part is
