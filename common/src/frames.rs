@@ -1,6 +1,6 @@
 //! Frames as types: Earth-centred Earth-fixed, geodetic, local east-north-up.
 //!
-//! An [`Ecef`] is a point; an [`EcefVector`] is a difference or a velocity. They do not mix by accident:
+//! An [`Ecef`] is a point; an [`EcefVector`] is a difference or a velocity. The compiler prevents mixing them:
 //!
 //! ```compile_fail
 //! use cofix_common::frames::Ecef;
@@ -8,8 +8,8 @@
 //! let sum = a + b; // two points have no sum
 //! ```
 //!
-//! What the types do *not* protect: which realisation of the terrestrial frame (WGS-84, ITRF14, CGCS2000) a
-//! point is in. They agree to centimetres, far below what phones see, and are treated as one.
+//! The types do *not* distinguish realisations of the terrestrial frame (WGS-84, ITRF14, CGCS2000). They agree to centimetres, far below
+//! the accuracy of phones, and are treated as identical.
 
 use std::ops::{Add, Sub};
 
@@ -66,7 +66,7 @@ pub struct Direction {
 }
 
 impl Ecef {
-    /// From coordinates in metres.
+    /// A point from coordinates in metres.
     pub const fn new(x_m: f64, y_m: f64, z_m: f64) -> Self {
         Self(Vector3::new(x_m, y_m, z_m))
     }
@@ -81,8 +81,8 @@ impl Ecef {
         self.0.iter().all(|c| c.is_finite())
     }
 
-    /// Geodetic coordinates, by Bowring's start and fixed-point iteration on the latitude; good to 1e-9 rad
-    /// and below a micrometre from the centre of the Earth's core outwards to satellites.
+    /// Geodetic coordinates, by Bowring's initial value and fixed-point iteration on the latitude; accurate to 1e-9 rad
+    /// and a micrometre from the Earth's core out to the satellites.
     pub fn ecef_to_geodetic(self) -> Geodetic {
         let e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING);
         let (x, y, z) = (self.0.x, self.0.y, self.0.z);
@@ -110,7 +110,7 @@ impl Ecef {
 }
 
 impl EcefVector {
-    /// From components (m or m/s).
+    /// A vector from its components (m or m/s).
     pub const fn new(x: f64, y: f64, z: f64) -> Self {
         Self(Vector3::new(x, y, z))
     }
@@ -146,7 +146,7 @@ impl Enu {
         self.east.hypot(self.north)
     }
 
-    /// As a vector (east, north, up).
+    /// Vector (east, north, up).
     pub const fn vector(self) -> Vector3<f64> {
         Vector3::new(self.east, self.north, self.up)
     }
@@ -159,7 +159,7 @@ impl From<Vector3<f64>> for Enu {
 }
 
 impl Geodetic {
-    /// From degrees and metres, for files and the command line.
+    /// Coordinates from degrees and metres, for files and the command line.
     pub fn from_degrees(latitude_deg: f64, longitude_deg: f64, height_m: f64) -> Self {
         Self { latitude_rad: latitude_deg.to_radians(), longitude_rad: longitude_deg.to_radians(), height_m }
     }
@@ -189,7 +189,7 @@ impl Geodetic {
 }
 
 impl LocalFrame {
-    /// The frame whose origin is `origin` and whose up axis is the ellipsoid's normal there.
+    /// The frame with the origin `origin` and the ellipsoid's normal there as up axis.
     pub fn at(origin: Ecef) -> Self {
         let geodetic = origin.ecef_to_geodetic();
         let (sin_lat, cos_lat) = geodetic.latitude_rad.sin_cos();
@@ -228,17 +228,17 @@ impl LocalFrame {
         self.ecef_to_enu.row(2).transpose()
     }
 
-    /// A point's displacement from the origin.
+    /// Displacement of a point from the origin.
     pub fn ecef_to_enu(&self, point: Ecef) -> Enu {
         self.vector_ecef_to_enu(point - self.origin)
     }
 
-    /// A displacement or velocity.
+    /// Converts a displacement or velocity from ECEF.
     pub fn vector_ecef_to_enu(&self, vector: EcefVector) -> Enu {
         (self.ecef_to_enu * vector.0).into()
     }
 
-    /// A displacement or velocity back in ECEF.
+    /// Converts a displacement or velocity to ECEF.
     pub fn vector_enu_to_ecef(&self, vector: Enu) -> EcefVector {
         EcefVector(self.ecef_to_enu.tr_mul(&vector.vector()))
     }
@@ -248,7 +248,7 @@ impl LocalFrame {
         self.origin + self.vector_enu_to_ecef(displacement)
     }
 
-    /// A covariance matrix of an ECEF vector, turned into east, north, up.
+    /// Converts a covariance matrix of an ECEF vector to east, north, up.
     pub fn covariance_ecef_to_enu(&self, covariance: &Matrix3<f64>) -> Matrix3<f64> {
         self.ecef_to_enu * covariance * self.ecef_to_enu.transpose()
     }

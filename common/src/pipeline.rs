@@ -1,4 +1,4 @@
-//! One phone's processing: correct → solve → RAIM → local filter, an epoch at a time. No I/O.
+//! Processing of one phone, epoch by epoch: corrections → least squares → RAIM → local filter. No I/O.
 
 use std::sync::Arc;
 
@@ -18,22 +18,22 @@ use crate::wire::EpochMessage;
 
 use crate::formats::stream::StreamDecoder;
 
-/// An epoch-wise position further than this from the last one is solved again from its own corrections, m.
+/// Distance, m, between an epoch-wise position and the position used for its corrections, above which the corrections are made again.
 const RECORRECT_M: f64 = 1_000.0;
-/// How often at most.
+/// Maximum number of corrections per epoch.
 const MOST_CORRECTIONS: usize = 4;
 
-/// What the pipeline may be told.
+/// Options of the pipeline.
 #[derive(Clone, Debug, Default)]
 pub struct PipelineOptions {
     /// Masks, corrections and stochastic models.
     pub correction: CorrectionOptions,
-    /// Integrity tests.
+    /// Options of the integrity tests.
     pub raim: RaimOptions,
-    /// The local filter.
+    /// Options of the local filter.
     pub filter: FilterOptions,
-    /// Whether a recording's own satellite states and delays are taken, where it has them, in place of those from products. If not,
-    /// they serve for satellites that no product knows.
+    /// Whether a recording's own satellite states and delays take precedence over products. Otherwise they serve only satellites without
+    /// products.
     pub recorded_corrections: bool,
 }
 
@@ -46,7 +46,7 @@ impl PipelineOptions {
     }
 }
 
-/// One phone's pipeline.
+/// Pipeline of one phone.
 pub struct PhonePipeline {
     phone: String,
     sequence: u64,
@@ -54,7 +54,7 @@ pub struct PhonePipeline {
     options: PipelineOptions,
     position: Option<Ecef>,
     filter: JointFilter,
-    /// Base stations; `None` without corrections.
+    /// Differential corrections from base stations, if used.
     differential: Option<Differential>,
     differential_counts: DifferentialCounts,
     skips: Skips,
@@ -76,30 +76,30 @@ impl PhonePipeline {
         }
     }
 
-    /// Corrects pseudoranges from now on by what base stations observe.
+    /// Applies differential corrections from base stations from now on.
     pub fn use_bases(&mut self, options: DifferentialOptions) {
         let products = Arc::clone(self.corrector.products());
         self.differential = Some(Differential::new(products, self.options.correction.clone(), options));
     }
 
-    /// Takes an epoch of base number `base`, whose antenna is at `position`; of effect after [`PhonePipeline::use_bases`].
+    /// Takes an epoch of base number `base` with its antenna at `position`; without effect before [`PhonePipeline::use_bases`].
     pub fn add_base_epoch(&mut self, base: usize, epoch: ObservationEpoch, position: Ecef) {
         if let Some(differential) = &mut self.differential {
             differential.add(base, epoch, position);
         }
     }
 
-    /// How many observations were corrected by base stations, and how many could not be.
+    /// Numbers of observations with and without a differential correction.
     pub const fn differential_counts(&self) -> DifferentialCounts {
         self.differential_counts
     }
 
-    /// The position of the last epoch that has one by itself.
+    /// Position of the last epoch with an epoch-wise solution.
     pub const fn position(&self) -> Option<Ecef> {
         self.position
     }
 
-    /// Goes on with other products: more messages have come.
+    /// Replaces the products, for example after new navigation messages.
     pub fn set_products(&mut self, products: Arc<Products>) {
         if let Some(differential) = &mut self.differential {
             differential.set_products(Arc::clone(&products));
@@ -107,14 +107,14 @@ impl PhonePipeline {
         self.corrector.set_products(products);
     }
 
-    /// Processes one epoch; epochs come in order of time.
+    /// Processes one epoch. Epochs must be in order of time.
     pub fn process(&mut self, epoch: &ObservationEpoch) -> EpochMessage {
         let prepared = self.corrector.prepare(epoch);
         self.process_prepared(epoch.time_gps, &prepared)
     }
 
-    /// Processes one epoch of a recording that states more than observations: satellite states and corrections, which are taken
-    /// before those of products if the options say so, and GLONASS satellites known by their channel only.
+    /// Processes one epoch of a recording that contains more than observations: satellite states and corrections, used before those of
+    /// products if the options say so, and GLONASS satellites known by their channel only.
     pub fn process_recorded(&mut self, epoch: &RecordedEpoch) -> EpochMessage {
         let mut prepared = if self.options.recorded_corrections {
             epoch.prepare(&mut self.corrector)
@@ -128,14 +128,14 @@ impl PhonePipeline {
         self.process_prepared(epoch.time_gps, &prepared)
     }
 
-    /// GLONASS satellites known by their channel, with the slots that their orbits tell, seen from the last position or else from
-    /// one without atmosphere.
+    /// Assigns slots to the GLONASS satellites known by their channel only, by comparison with the orbits seen from the last position, or
+    /// from a position without atmosphere.
     fn identify(&mut self, epoch: &RecordedEpoch, prepared: &[PreparedObservation]) -> ObservationEpoch {
         let position = self.position.unwrap_or_else(|| rough_position(prepared));
         self.corrector.identify(&epoch.by_channel, prepared, position, epoch.time_gps)
     }
 
-    /// Processes the epoch that `decoder` gave last, with what else it knows of it.
+    /// Processes the epoch that `decoder` returned last, with the decoder's additional data on it.
     pub fn process_last(&mut self, epoch: &ObservationEpoch, decoder: &StreamDecoder) -> EpochMessage {
         match decoder.recorded_epoch() {
             Some(recorded) => self.process_recorded(recorded),
@@ -175,7 +175,7 @@ impl PhonePipeline {
         message
     }
 
-    /// What was skipped so far. A mask that has named nothing in all epochs is told as well.
+    /// Counts of skips by reason. Masks that named nothing in all epochs are included.
     pub fn skips(&self) -> Skips {
         let mut all = self.skips.clone();
         all.merge(self.corrector.skips());
@@ -190,9 +190,8 @@ impl PhonePipeline {
         all
     }
 
-    /// Corrects and solves. Corrections are made for the last known position, or, without one, for a first solution
-    /// without atmosphere; when the solution turns out far from there, they are made again. A last known position that gives no
-    /// solution is forgotten: it may be what is wrong.
+    /// Corrects and solves one epoch. Corrections are made for the last known position, or else for a solution without atmosphere, and made
+    /// again if the solution is far from it. A last known position without a resulting solution is discarded, because it may be wrong.
     fn solve(
         &mut self,
         time_gps: GpsTime,
@@ -263,7 +262,7 @@ impl PhonePipeline {
         }
     }
 
-    /// Why the local filter cannot go on, if it cannot.
+    /// Reason for restarting the local filter, if there is one.
     fn restart_reason(&self) -> Option<&'static str> {
         if self.filter.is_empty() {
             Some("no state yet")
@@ -277,7 +276,7 @@ impl PhonePipeline {
     }
 }
 
-/// Where a phone about which nothing is known may be: a solution without atmosphere, else the Earth's centre.
+/// Position of a phone without prior knowledge: a solution without atmosphere, else the Earth's centre.
 fn rough_position(prepared: &[PreparedObservation]) -> Ecef {
     let centre = Ecef::new(0.0, 0.0, 0.0);
     solve_position(&without_position(prepared), centre).map_or(centre, |fit| fit.position())

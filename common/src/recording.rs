@@ -1,4 +1,4 @@
-//! Names in recordings, by which the hub writes them and the viewer reads them.
+//! Names of entities in recordings, used by the hub and the viewer.
 //!
 //! Entities are `phones/PHONE/…`, `phones/PHONE/satellites/WHAT/SIGNAL`, `constraints/NAME/…`, `distances/PAIR/…` and `accuracy`.
 
@@ -6,7 +6,7 @@
 pub const APPLICATION_ID: &str = "cofix";
 /// The timeline of all recordings: GPS time, shown as if it were UTC.
 pub const TIMELINE: &str = "gps_time";
-/// Beginning of the text in place of the accuracy table when a session did not come to its end.
+/// Beginning of the text that replaces the accuracy table of an incomplete session.
 pub const INCOMPLETE: &str = "Incomplete";
 
 /// First part of the entities of phones; the second is the phone's name.

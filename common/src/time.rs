@@ -1,7 +1,7 @@
 //! GPS time as one integer: nanoseconds since 1980-01-06 00:00:00 GPST.
 //!
 //! GPS time has no leap seconds. A nanosecond is 0.3 m for a signal but only 4 µm for a satellite's position,
-//! and receivers' fractions of a sample never enter through a time tag here; so integers are exact where it matters.
+//! and signal travel times are never differences of these time tags, so the resolution is sufficient.
 
 mod leap_seconds;
 
@@ -16,7 +16,7 @@ pub(crate) use leap_seconds::{corrected_leap_seconds, leap_seconds_by, leap_seco
 
 /// Seconds in a GPS week.
 pub const SECONDS_PER_WEEK: f64 = 604_800.0;
-/// GPS messages count weeks modulo this (IS-GPS-200, 20.3.3.3.1.1); a receiver that takes no care is off by it, or twice.
+/// Period of the week number in GPS messages (IS-GPS-200, 20.3.3.3.1.1); careless receivers are wrong by one or two periods.
 pub const WEEKS_PER_ROLLOVER: i64 = 1_024;
 /// BeiDou time is 14 s behind GPS time (BDS-SIS-ICD, 3.3).
 pub const BEIDOU_BEHIND_GPS_S: f64 = 14.0;
@@ -34,7 +34,7 @@ pub struct GpsTime {
     nanos: i64,
 }
 
-/// Text that is not a GPS calendar time.
+/// Error for a text that is not a GPS calendar time.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("'{text}' is not a GPS time; write YYYY-MM-DDThh:mm:ss, for example 2020-08-13T14:33:00{hint}")]
 pub struct GpsTimeError {
@@ -60,7 +60,7 @@ pub struct Calendar {
 }
 
 impl GpsTime {
-    /// From nanoseconds since 1980-01-06 00:00:00 GPST.
+    /// Time from nanoseconds since 1980-01-06 00:00:00 GPST.
     pub const fn from_nanos(nanos: i64) -> Self {
         Self { nanos }
     }
@@ -70,7 +70,7 @@ impl GpsTime {
         self.nanos
     }
 
-    /// From a full GPS week (no rollover) and the time of week in seconds, which may lie outside the week.
+    /// Time from a full GPS week (no rollover) and the time of week in seconds, which may lie outside the week.
     pub fn from_week_tow(week: i64, tow_s: f64) -> Self {
         let whole = tow_s.floor();
         let fraction = ((tow_s - whole) * NANOS_PER_SECOND as f64).round();
@@ -81,12 +81,12 @@ impl GpsTime {
         Self { nanos }
     }
 
-    /// From a BeiDou week and time of week, both in BeiDou time.
+    /// Time from a BeiDou week and time of week, both in BeiDou time.
     pub fn from_beidou_week_tow(week: i64, tow_s: f64) -> Self {
         Self::from_week_tow(week + BEIDOU_WEEK_OFFSET, tow_s + BEIDOU_BEHIND_GPS_S)
     }
 
-    /// From a calendar in GPS time. `None` when a field is outside its range.
+    /// Time from a calendar in GPS time. `None` if a field is outside its range.
     pub fn from_calendar(calendar: Calendar) -> Option<Self> {
         let Calendar { year, month, day, hour, minute, second } = calendar;
         let valid = (1980..=2261).contains(&year)
@@ -105,7 +105,7 @@ impl GpsTime {
         Some(Self { nanos: seconds * NANOS_PER_SECOND + fraction })
     }
 
-    /// GPS time of a number of milliseconds since 1970-01-01 UTC; `None` before 2006 and after 2200, when no phone gave one.
+    /// GPS time of milliseconds since 1970-01-01 UTC; `None` before 2006 and after 2200, outside the range of phones.
     pub(crate) fn from_unix_millis(millis: i64) -> Option<Self> {
         const FIRST: i64 = 1_136_073_600_000;
         const LAST: i64 = 7_258_118_400_000;
@@ -117,7 +117,7 @@ impl GpsTime {
         Some(Self { nanos: utc.nanos + leap_seconds_at(utc) * NANOS_PER_SECOND })
     }
 
-    /// The calendar in GPS time.
+    /// Calendar in GPS time.
     pub fn calendar(self) -> Calendar {
         let seconds = self.nanos.div_euclid(NANOS_PER_SECOND);
         let nanos = self.nanos.rem_euclid(NANOS_PER_SECOND);
@@ -139,8 +139,8 @@ impl GpsTime {
         self.nanos.div_euclid(7 * SECONDS_PER_DAY * NANOS_PER_SECOND)
     }
 
-    /// Weeks to add to this time, a multiple of 1,024 and not 0, to come to within ten days of `other`: a receiver's week is then
-    /// probably not rolled over. `None` if there is no such number.
+    /// Weeks to add to this time, a multiple of 1,024 and not 0, to come within ten days of `other`: the week number has then
+    /// probably not been corrected for rollover. `None` if there is no such multiple.
     pub fn rollover_weeks_to(self, other: Self) -> Option<i64> {
         const NEAR_S: f64 = 10.0 * 86_400.0;
         let rollover_s = WEEKS_PER_ROLLOVER as f64 * SECONDS_PER_WEEK;
@@ -151,7 +151,7 @@ impl GpsTime {
         (weeks != 0 && (difference_s - times * rollover_s).abs() <= NEAR_S).then_some(weeks)
     }
 
-    /// What to say, at the end of a sentence, where this time is a multiple of 1,024 weeks from that of the orbits; else nothing.
+    /// Text for the end of a sentence if this time differs from that of the orbits by a multiple of 1,024 weeks; else empty.
     pub fn rollover_hint(self, orbits: Self) -> String {
         let hint = |weeks: i64| {
             let (by, way) = (weeks.abs(), if weeks > 0 { "low" } else { "high" });
@@ -169,13 +169,13 @@ impl GpsTime {
         whole as f64 + (nanos % NANOS_PER_SECOND) as f64 * 1e-9
     }
 
-    /// Nanoseconds since 1970-01-01 of the same calendar reading. GPS time is shown as if it were UTC: a
-    /// viewer's clock then reads GPS time, 18 s ahead of UTC since 2017.
+    /// Nanoseconds since 1970-01-01 of the same calendar reading. GPS time is shown as if it were UTC: the clock of
+    /// a viewer then shows GPS time, 18 s ahead of UTC since 2017.
     pub const fn as_unix_calendar_nanos(self) -> i64 {
         self.nanos.saturating_add(UNIX_TO_GPS_DAYS * SECONDS_PER_DAY * NANOS_PER_SECOND)
     }
 
-    /// Seconds from `earlier` to `self` (negative when `self` comes first).
+    /// Seconds from `earlier` to `self`, negative if `self` is the earlier one.
     pub fn seconds_since(self, earlier: Self) -> f64 {
         let difference = self.nanos.saturating_sub(earlier.nanos);
         (difference / NANOS_PER_SECOND) as f64 + (difference % NANOS_PER_SECOND) as f64 * 1e-9
@@ -184,7 +184,7 @@ impl GpsTime {
 
 impl Add<f64> for GpsTime {
     type Output = Self;
-    /// Adds seconds, to the nanosecond.
+    /// Adds seconds, rounded to the nanosecond.
     #[allow(clippy::suspicious_arithmetic_impl)] // seconds become nanoseconds
     fn add(self, seconds: f64) -> Self {
         #[allow(clippy::cast_possible_truncation)] // saturates
@@ -209,13 +209,13 @@ impl Sub for GpsTime {
 }
 
 impl GpsTime {
-    /// `YYYY-MM-DDThh:mm:ss.sss`, cut to the millisecond, for fields whose name says that they hold GPS time.
+    /// `YYYY-MM-DDThh:mm:ss.sss`, truncated to the millisecond, for fields named as GPS time.
     pub fn iso(self) -> String {
         Iso(self).to_string()
     }
 }
 
-/// A time without the name of its scale.
+/// A time without its time scale.
 struct Iso(GpsTime);
 
 impl fmt::Display for Iso {
@@ -238,7 +238,7 @@ impl fmt::Display for Iso {
     }
 }
 
-/// With its scale, for people: `2020-08-13T14:33:00.000 GPS`.
+/// With its time scale: `2020-08-13T14:33:00.000 GPS`.
 impl fmt::Display for GpsTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} GPS", Iso(*self))
@@ -254,7 +254,7 @@ impl fmt::Debug for GpsTime {
 impl FromStr for GpsTime {
     type Err = GpsTimeError;
 
-    /// Reads `YYYY-MM-DDThh:mm:ss[.fraction]` (a space instead of `T` will do), in GPS time; `GPS` may follow.
+    /// Reads `YYYY-MM-DDThh:mm:ss[.fraction]` (with `T` or a space) in GPS time, optionally followed by `GPS`.
     fn from_str(text: &str) -> Result<Self, GpsTimeError> {
         let calendar = text.trim().strip_suffix("GPS").unwrap_or(text);
         parse_calendar(calendar)
@@ -263,7 +263,7 @@ impl FromStr for GpsTime {
     }
 }
 
-/// What to say of a time in another scale.
+/// Text on a time in another scale.
 fn scale_hint(text: &str) -> &'static str {
     let text = text.trim_end();
     let offset = text.rsplit_once(['T', ' ']).is_some_and(|(_, clock)| clock.contains(['+', '-']));
@@ -306,7 +306,7 @@ fn days_in_month(year: i32, month: u32) -> u32 {
     }
 }
 
-/// Days since 1970-01-01 of a Gregorian date, counting years from March so that a leap day ends its year.
+/// Days since 1970-01-01 of a Gregorian date; years are counted from March, so that a leap day is the last day of its year.
 const fn days_from_civil(year: i64, month: i64, day: i64) -> i64 {
     let year = if month <= 2 { year - 1 } else { year };
     let era = year.div_euclid(400);

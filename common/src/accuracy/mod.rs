@@ -1,4 +1,4 @@
-//! Truth, errors against it, percentiles: what a position is worth.
+//! Truth trajectories, errors of positions and their percentiles.
 
 mod score;
 mod shift;

@@ -7,23 +7,23 @@ use super::Truth;
 use crate::frames::{Ecef, Enu, LocalFrame};
 use crate::time::GpsTime;
 
-/// A position at an instant, as it was claimed.
+/// A position at an instant with its covariance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// The instant.
+    /// Time of the position, GPS time.
     pub time_gps: GpsTime,
     /// The position, m.
     pub position: Ecef,
-    /// Its covariance in ECEF, m².
+    /// Covariance of the position in ECEF, m².
     pub covariance: Matrix3<f64>,
 }
 
-/// Accuracy of one phone by one method. Percentiles interpolate linearly between order statistics.
+/// Accuracy of one phone by one method. Percentiles are interpolated linearly between order statistics.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Accuracy {
-    /// Scored epochs.
+    /// Number of scored epochs.
     pub epochs: usize,
-    /// Scored epochs / truth epochs inside the group's span: what came late or ended early lacks them.
+    /// Scored epochs / truth epochs inside the group's span; a late start and an early end reduce it.
     pub availability: f64,
     /// Scored epochs / truth epochs inside the phone's own recording.
     pub availability_in_recording: f64,
@@ -33,11 +33,11 @@ pub struct Accuracy {
     pub horizontal_p68_m: f64,
     /// 95th percentile of the horizontal error, m.
     pub horizontal_p95_m: f64,
-    /// Median of the height's error without its sign, m.
+    /// Median absolute height error, m.
     pub vertical_p50_m: f64,
-    /// 68th percentile of the same, m.
+    /// 68th percentile of the absolute height error, m.
     pub vertical_p68_m: f64,
-    /// 95th percentile of the same, m.
+    /// 95th percentile of the absolute height error, m.
     pub vertical_p95_m: f64,
     /// Mean east error, m.
     pub mean_east_m: f64,
@@ -53,14 +53,14 @@ pub struct Accuracy {
     pub rmse_up_m: f64,
     /// Root mean square horizontal error, m.
     pub rmse_2d_m: f64,
-    /// Mean normalised estimation error squared of the horizontal position; 2 when the covariance is right, more when it
-    /// promises too much.
+    /// Mean normalised estimation error squared of the horizontal position; 2 for a correct covariance, more for one that
+    /// is too small.
     pub nees_horizontal: f64,
-    /// The same of the height; 1 when the covariance is right.
+    /// Mean normalised estimation error squared of the height; 1 for a correct covariance.
     pub nees_up: f64,
 }
 
-/// An error and how it compares with its covariance.
+/// An error and its ratio to the covariance.
 #[derive(Clone, Copy, Debug)]
 struct Scored {
     error: Enu,
@@ -68,16 +68,16 @@ struct Scored {
     nees_up: f64,
 }
 
-/// First and last instant of what truth epochs are counted in.
+/// First and last instant of the counted truth epochs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Spans {
-    /// Of all phones of the group together.
+    /// Span of all phones of the group together.
     pub group: (GpsTime, GpsTime),
-    /// Of the phone's own recording.
+    /// Span of the phone's own recording.
     pub recording: (GpsTime, GpsTime),
 }
 
-/// A phone by itself.
+/// Spans of a single phone.
 impl From<(GpsTime, GpsTime)> for Spans {
     fn from(recording: (GpsTime, GpsTime)) -> Self {
         Self { group: recording, recording }
@@ -87,7 +87,7 @@ impl From<(GpsTime, GpsTime)> for Spans {
 /// Scores `solutions` (in order of time) against `truth`.
 ///
 /// Each truth epoch of counted quality inside the group's span is matched with the nearest solution within half the truth's
-/// interval, and the truth is interpolated to that solution's instant. `None` when no truth epoch lies inside, or
+/// interval, and the truth is interpolated to the solution's instant. `None` if no truth epoch lies inside the span, or
 /// none has a solution.
 pub fn score(
     truth: &Truth,
@@ -112,7 +112,7 @@ pub fn score(
     Accuracy::of(&scored, expected)
 }
 
-/// Truth epochs that could be scored.
+/// Truth epochs to be scored.
 #[derive(Clone, Copy, Debug, Default)]
 struct Expected {
     in_group: usize,
@@ -180,7 +180,7 @@ fn mean(scored: &[Scored], value: impl Fn(&Scored) -> f64) -> f64 {
     scored.iter().map(value).sum::<f64>() / scored.len() as f64
 }
 
-/// The `fraction` quantile of sorted values by linear interpolation; NaN when there are none.
+/// The `fraction` quantile of sorted values by linear interpolation; NaN without values.
 fn percentile(sorted: &[f64], fraction: f64) -> f64 {
     let position = fraction * sorted.len().saturating_sub(1) as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within the slice's length

@@ -1,4 +1,4 @@
-//! Whether a truth fits better when its times are shifted: UTC or local time taken for GPS time, or a late clock.
+//! Detection of a time shift between truth and solutions: UTC or local time written as GPS time, or a wrong clock.
 
 use nalgebra::Vector3;
 
@@ -6,38 +6,38 @@ use super::{Solution, Truth};
 use crate::frames::LocalFrame;
 use crate::time::GpsTime;
 
-/// Largest number of solutions that are compared, taken at equal distances.
+/// Maximum number of compared solutions, at equal intervals.
 const MOST_SAMPLES: usize = 400;
-/// Fewer comparisons tell nothing.
+/// Minimum number of comparisons.
 const FEWEST_SAMPLES: usize = 20;
-/// Whole seconds up to this are tried: leap seconds, the 14 s of BeiDou time, clocks set by hand.
+/// Maximum shift without a time zone, whole seconds: leap seconds, the 14 s of BeiDou time, clocks set by hand.
 const NEAREST_SHIFTS_S: i32 = 40;
-/// Zones are whole quarters of an hour within these hours of UTC.
+/// Maximum time zone, hours; zones are multiples of a quarter of an hour.
 const FARTHEST_ZONE_H: i32 = 14;
-/// Differences between the scales that receivers and programs write, s.
+/// Differences between time scales of receivers and programs, s.
 const SCALES_S: [f64; 4] = [0.0, 18.0, -18.0, 14.0];
-/// Step of the second search, around the best of the first, s.
+/// Step of the second search, around the best shift of the first, s.
 const FINE_STEP_S: f64 = 0.05;
-/// A shift counts when it leaves less than this part of the median distance, …
+/// Maximum ratio of the median distances with and without the shift.
 const BETTER: f64 = 0.6;
-/// … takes at least this much from it, m, where it had one, …
+/// Minimum reduction of the median distance, m, if there was a median without the shift.
 const LEAST_GAIN_M: f64 = 0.5;
-/// … and leaves less than this, m: positions that are wrong by kilometres fit nowhere.
+/// Maximum median distance with the shift, m; positions that are wrong by kilometres fit no shift.
 const FITS_M: f64 = 30.0;
 
-/// A shift of a truth's times that makes it fit.
+/// A shift of a truth's times that makes it agree with the solutions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeShift {
     /// Seconds to add to the truth's times.
     pub shift_s: f64,
-    /// Median horizontal distance of the solutions from the truth as it is, m; `None` when they have no time in common.
+    /// Median horizontal distance of the solutions from the unshifted truth, m; `None` without common times.
     pub median_m: Option<f64>,
-    /// The same after the shift, m.
+    /// Median horizontal distance after the shift, m.
     pub shifted_median_m: f64,
 }
 
-/// The shift of the truth's times that makes `solutions` (in order of time) fit distinctly better, if there is one. A phone that
-/// stands still fits any, and so tells none.
+/// The shift of the truth's times for which `solutions` (in order of time) agree distinctly better, if there is one. A phone at rest agrees
+/// with any shift, so no shift is reported for it.
 pub fn time_shift(truth: &Truth, qualities: &[u8], solutions: &[Solution]) -> Option<TimeShift> {
     let step = solutions.len().div_ceil(MOST_SAMPLES).max(1);
     let samples: Vec<&Solution> = solutions.iter().step_by(step).collect();
@@ -49,7 +49,7 @@ pub fn time_shift(truth: &Truth, qualities: &[u8], solutions: &[Solution]) -> Op
     let gains =
         |as_is_m: f64| shifted_median_m < BETTER * as_is_m && as_is_m - shifted_median_m > LEAST_GAIN_M;
     let is_better = shifted_median_m < FITS_M && median_m.is_none_or(gains);
-    // A rounding of the search's own steps.
+    // Removes rounding errors of the search's steps.
     let shift_s = (shift_s * 1e3).round() * 1e-3;
     (is_better && shift_s != 0.0).then_some(TimeShift { shift_s, median_m, shifted_median_m })
 }
@@ -62,7 +62,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Median horizontal distance, m; `None` when fewer than half of the samples have a truth then.
+    /// Median horizontal distance, m; `None` if fewer than half of the samples have a truth.
     fn median_m(&self, shift_s: f64) -> Option<f64> {
         let mut distances: Vec<f64> =
             self.samples.iter().filter_map(|solution| self.distance_m(solution, shift_s)).collect();
@@ -80,7 +80,7 @@ impl Search<'_> {
     }
 }
 
-/// Nearest first, so that of equals the smallest counts.
+/// Smallest first, so that of equal distances the smallest shift wins.
 fn candidates() -> Vec<f64> {
     let mut shifts: Vec<f64> = (-NEAREST_SHIFTS_S..=NEAREST_SHIFTS_S).map(f64::from).collect();
     for quarter in (-4 * FARTHEST_ZONE_H..=4 * FARTHEST_ZONE_H).filter(|quarter| *quarter != 0) {
@@ -90,7 +90,7 @@ fn candidates() -> Vec<f64> {
     shifts
 }
 
-/// The first of those with the smallest distance.
+/// The first shift with the smallest distance.
 fn best(shifts: impl Iterator<Item = (f64, f64)>) -> Option<(f64, f64)> {
     shifts.min_by(|a, b| a.1.total_cmp(&b.1))
 }
@@ -112,13 +112,13 @@ mod tests {
         LocalFrame::at(Geodetic::from_degrees(30.0, 114.0, 20.0).geodetic_to_ecef())
     }
 
-    /// A bend at so many metres per second.
+    /// Position on a curve with speed `speed_mps`.
     fn place(time: GpsTime, speed_mps: f64) -> Ecef {
         let angle = (time - start()) * speed_mps / 400.0;
         frame().enu_to_ecef(Enu { east: 400.0 * angle.sin(), north: 400.0 * angle.cos(), up: 0.0 })
     }
 
-    /// A truth whose times are `late_s` too small, and solutions with an error of a metre to the east.
+    /// Shift found for a truth with times too small by `late_s`, and solutions with a one-metre error to the east.
     fn shift(late_s: f64, speed_mps: f64) -> Option<TimeShift> {
         let seconds = |i: u32| start() + f64::from(i);
         let point = |time| TruthPoint {

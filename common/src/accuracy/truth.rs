@@ -21,7 +21,7 @@ struct TruthRow {
     quality: u8,
 }
 
-/// Where the phone was, and how it moved.
+/// True position and velocity of the phone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TruthPoint {
     /// Position, m.
@@ -30,10 +30,10 @@ pub struct TruthPoint {
     pub velocity: EcefVector,
 }
 
-/// A truth file that cannot be used at all.
+/// Error for an unusable truth file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TruthError {
-    /// The header lacks a column.
+    /// A column is missing in the header.
     #[error("not a truth table: column '{column}' is missing; the header must name {expected}")]
     Column {
         /// The missing column.
@@ -41,17 +41,17 @@ pub enum TruthError {
         /// All columns.
         expected: String,
     },
-    /// No row could be read.
+    /// No row is readable.
     #[error("no usable row among {rows}; {skips}")]
     Empty {
-        /// Rows seen.
+        /// Number of rows.
         rows: usize,
-        /// Why they were skipped.
+        /// Reasons for skipping them.
         skips: String,
     },
 }
 
-/// A stated velocity this far from the positions' central difference is not believed, m/s. Hard braking over a second
+/// Maximum difference of a stated velocity from the positions' central difference, m/s. Hard braking over a second
 /// stays below it.
 const VELOCITY_TOLERANCE_MPS: f64 = 3.0;
 
@@ -67,7 +67,7 @@ pub(super) const COLUMNS: [&str; 9] = [
     "quality",
 ];
 
-/// A row as it is written.
+/// A row of the table.
 #[derive(Clone, Copy, Debug, Deserialize)]
 pub(crate) struct TableRow {
     pub(crate) gps_week: i64,
@@ -81,7 +81,7 @@ pub(crate) struct TableRow {
     pub(crate) quality: u8,
 }
 
-/// A position whose velocity may not be known.
+/// A position with an optional velocity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TruthPosition {
     pub(crate) time_gps: GpsTime,
@@ -90,10 +90,10 @@ pub(crate) struct TruthPosition {
     pub(crate) quality: u8,
 }
 
-/// Neighbours further apart than this tell no velocity, s.
+/// Maximum time between neighbours for a velocity from positions, s.
 const LONGEST_STEP_S: f64 = 2.5;
 
-/// The velocity at a position between its neighbours, or from the only one that is near.
+/// Velocity at a position from both neighbours, or from a single near one.
 fn velocity_of(positions: &[TruthPosition], index: usize) -> Option<EcefVector> {
     let row = positions.get(index)?;
     let near = |other: &&TruthPosition| {
@@ -138,11 +138,11 @@ impl TableRow {
 
 impl Truth {
     /// Reads a table with the columns `gps_week, gps_tow_s, latitude_deg, longitude_deg, ellipsoidal_height_m,
-    /// velocity_north_mps, velocity_east_mps, velocity_up_mps, quality`, in any order. Rows that cannot be read are
-    /// counted and skipped; rows out of order are sorted, and the first of two at one time stays.
+    /// velocity_north_mps, velocity_east_mps, velocity_up_mps, quality`, in any order. Unreadable rows are
+    /// counted and skipped; rows are sorted by time, and of two rows at one time the first is used.
     ///
     /// # Errors
-    /// [`TruthError`] when a column is missing or no row is usable.
+    /// [`TruthError`] if a column is missing or no row is usable.
     pub fn parse_csv(bytes: &[u8]) -> Result<(Self, Skips), TruthError> {
         let mut reader =
             csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(content(bytes));
@@ -156,7 +156,7 @@ impl Truth {
         )
     }
 
-    /// A truth of the rows of a table, or what is wrong with them; `skips` counts what was skipped before.
+    /// Makes a truth from the rows of a table or their errors; `skips` are the counts so far.
     pub(crate) fn from_table(
         table: impl IntoIterator<Item = Result<TableRow, String>>,
         mut skips: Skips,
@@ -178,8 +178,8 @@ impl Truth {
         Ok((truth, skips))
     }
 
-    /// A truth of positions whose velocities need not be known: those follow from the neighbours, and a position without
-    /// velocity and neighbours is left out. `rows` were seen, `skips` counts what was skipped before.
+    /// Makes a truth from positions with optional velocities. Missing velocities are computed from the neighbours, and a position without
+    /// velocity and neighbours is left out. `rows` is the number of rows read, `skips` are the counts so far.
     pub(crate) fn from_positions(
         mut positions: Vec<TruthPosition>,
         rows: usize,
@@ -203,7 +203,7 @@ impl Truth {
         Ok((truth, skips))
     }
 
-    /// A truth of points of one quality.
+    /// A truth from points of one quality.
     pub fn from_points(points: impl IntoIterator<Item = (GpsTime, TruthPoint)>, quality: u8) -> Self {
         let rows =
             points.into_iter().map(|(time_gps, point)| TruthRow { time_gps, point, quality }).collect();
@@ -228,8 +228,8 @@ impl Truth {
         truth
     }
 
-    /// Replaces stated velocities that the positions contradict: columns may be swapped or in another unit, and
-    /// interpolation would follow them.
+    /// Replaces stated velocities that contradict the positions, for example with swapped columns or another unit, because
+    /// interpolation depends on them.
     fn check_velocities(&mut self, skips: &mut Skips) {
         let differences: Vec<Option<EcefVector>> =
             (0..self.rows.len()).map(|index| self.central_difference(index)).collect();
@@ -245,7 +245,7 @@ impl Truth {
         }
     }
 
-    /// Velocity at a row from its two neighbours, when both are one interval away.
+    /// Velocity at a row from its two neighbours, if both are one interval away.
     fn central_difference(&self, index: usize) -> Option<EcefVector> {
         let before = self.rows.get(index.checked_sub(1)?)?;
         let after = self.rows.get(index + 1)?;
@@ -259,7 +259,7 @@ impl Truth {
         self.interval_s
     }
 
-    /// The instants of the rows whose quality is among `qualities`, in order.
+    /// Times of the rows with a quality in `qualities`, in order.
     pub fn times<'a>(&'a self, qualities: &'a [u8]) -> impl Iterator<Item = GpsTime> + 'a {
         self.rows.iter().filter(|row| qualities.contains(&row.quality)).map(|row| row.time_gps)
     }
@@ -269,8 +269,8 @@ impl Truth {
         Some((self.rows.first()?.time_gps, self.rows.last()?.time_gps))
     }
 
-    /// The truth at an instant: cubic Hermite interpolation between two rows of counted quality one interval apart,
-    /// or a row's own velocity within a tenth of an interval of it. `None` elsewhere.
+    /// Truth at an instant: cubic Hermite interpolation between two rows of counted quality one interval apart,
+    /// or extrapolation with the velocity of a row within a tenth of an interval. `None` elsewhere.
     pub fn at(&self, time: GpsTime, qualities: &[u8]) -> Option<TruthPoint> {
         let after = self.rows.partition_point(|row| row.time_gps <= time);
         let counted = |row: &&TruthRow| qualities.contains(&row.quality);
@@ -340,7 +340,7 @@ mod tests {
 
     #[test]
     fn swapped_velocity_columns_are_noticed_and_not_followed() {
-        // 16 m/s north; the table says east.
+        // A velocity of 16 m/s north, written in the east column.
         let row = |i: i32| format!("2118,{i},{},114,20,0,16,0,1", 30.0 + f64::from(i) * 1.4432e-4);
         let rows = (0..5).map(row).collect::<Vec<_>>().join("\n");
         let (truth, skips) = table(&rows).unwrap();

@@ -1,15 +1,15 @@
-//! A reference trajectory as text, as [`super::Truth::parse_csv`] reads it.
+//! Text form of a truth, as read by [`super::Truth::parse_csv`].
 
 use super::truth::{COLUMNS, TruthPoint};
 use crate::frames::LocalFrame;
 use crate::time::GpsTime;
 
-/// The line that names the columns.
+/// Header line with the names of the columns.
 pub fn truth_csv_header() -> String {
     COLUMNS.join(",") + "\n"
 }
 
-/// A row: times to a microsecond, positions to 0.01 mm, velocities to 0.01 mm/s.
+/// Row with times to a microsecond, positions to 0.01 mm and velocities to 0.01 mm/s.
 pub fn truth_csv_row(time_gps: GpsTime, point: &TruthPoint, quality: u8) -> String {
     let frame = LocalFrame::at(point.position);
     let place = frame.geodetic();

@@ -1,8 +1,8 @@
-//! Maps of the ionosphere's electron content, and delays by them.
+//! Maps of the ionosphere's electron content, and delays from them.
 //!
-//! All free electrons are thought of in one thin shell. A signal crosses it at its pierce point under the zenith angle z', so the
-//! content along its path is the vertical one divided by cos z'. Between the nodes of a map it is interpolated bilinearly, and
-//! between two maps linearly, each turned with the sun to the instant (Schaer, Gurtner, Feltens 1998, section 3).
+//! All free electrons are modelled in one thin shell. A signal crosses it at its pierce point under the zenith angle z', so the
+//! content along its path is the vertical content divided by cos z'. Interpolation is bilinear between the nodes of a map and
+//! linear between two maps, each rotated with the sun to the instant (Schaer, Gurtner, Feltens 1998, section 3).
 
 use std::f64::consts::TAU;
 
@@ -15,12 +15,12 @@ use crate::time::GpsTime;
 
 /// Group delay of a signal: 40.3 m³/s² times the electrons per m² over the frequency squared; a TEC unit is 10¹⁶ electrons per m².
 const DELAY_M3PS2: f64 = 40.3e16;
-/// Turn of the sun over the Earth, rad/s: a revolution in a mean solar day.
+/// Angular rate of the sun about the Earth, rad/s: a revolution in a mean solar day.
 const SUN_RADPS: f64 = TAU / 86_400.0;
-/// Between maps further apart than this is not interpolated, s. Maps come every two hours or more often.
+/// Maximum time between two maps of an interpolation, s. Maps come every two hours or more often.
 const MAX_GAP_S: f64 = 4.0 * 3_600.0;
 
-/// Latitude seen from the Earth's centre, of a point on the ellipsoid.
+/// Geocentric latitude of a point on the ellipsoid.
 fn geocentric_rad(geodetic_rad: f64) -> f64 {
     let (sin, cos) = geodetic_rad.sin_cos();
     ((1.0 - WGS84_FLATTENING).powi(2) * sin).atan2(cos)
@@ -42,7 +42,7 @@ pub struct IonosphereMap {
 pub struct Ionex {
     /// Maps in order of time.
     pub maps: Vec<IonosphereMap>,
-    /// What was skipped.
+    /// Counts of skipped lines by reason.
     pub skips: Skips,
 }
 
@@ -57,21 +57,21 @@ impl IonosphereMap {
         Self { time, shell, latitudes, longitudes, tec_tecu }
     }
 
-    /// Its instant, GPS time.
+    /// Time of the map, GPS time.
     pub const fn time(&self) -> GpsTime {
         self.time
     }
 
-    /// Content along a signal's path at an instant, TECU; the map turns with the sun.
+    /// Content along a signal's path at an instant, TECU; the map rotates with the sun.
     fn slant_tecu(&self, receiver: Geodetic, direction: Direction, time: GpsTime) -> Option<f64> {
         let latitude_rad = geocentric_rad(receiver.latitude_rad);
         let pierce = self.shell.pierce((latitude_rad, receiver.longitude_rad), direction);
         let turned_rad = pierce.longitude_rad + SUN_RADPS * (time - self.time);
-        // Smoothed maps come a little below zero; there is no negative content.
+        // Smoothed maps contain small negative values, which are set to zero.
         Some(self.vertical_tecu(pierce.latitude_rad, turned_rad)?.max(0.0) * pierce.slant)
     }
 
-    /// Vertical content at a place, bilinear between four nodes; `None` outside the map and where a node is missing.
+    /// Vertical content at a place, bilinear between four nodes; `None` outside the map and next to a missing node.
     fn vertical_tecu(&self, latitude_rad: f64, longitude_rad: f64) -> Option<f64> {
         let rows = self.latitudes.latitude_cell(latitude_rad.to_degrees())?;
         let columns = self.longitudes.longitude_cell(longitude_rad.rem_euclid(TAU).to_degrees())?;
@@ -88,12 +88,12 @@ impl IonosphereMap {
     }
 }
 
-/// Why maps give no delay.
+/// Reason for a missing delay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoTec {
     /// The instant is before the first or after the last map, or in a gap of more than four hours.
     NotCovered,
-    /// The pierce point is outside the maps, or where content is missing.
+    /// The pierce point is outside the maps or next to a missing node.
     Missing,
 }
 
@@ -102,15 +102,15 @@ pub enum NoTec {
 pub struct IonosphereMaps(Vec<IonosphereMap>);
 
 impl IonosphereMaps {
-    /// Adds maps. Of several at one instant the one added first holds.
+    /// Adds maps. Of several maps at one instant the first added is used.
     pub fn add(&mut self, maps: Vec<IonosphereMap>) {
         self.0.extend(maps);
-        // A stable sort.
+        // The sort is stable.
         self.0.sort_by_key(IonosphereMap::time);
         self.0.dedup_by_key(|map| map.time);
     }
 
-    /// Whether there is none.
+    /// Whether there are no maps.
     pub const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -123,7 +123,7 @@ impl IonosphereMaps {
     /// Group delay of a signal, m, positive. An elevation below the horizon counts as the horizon.
     ///
     /// # Errors
-    /// Where the maps do not reach.
+    /// If the maps do not cover the signal.
     pub fn delay_m(
         &self,
         receiver: Geodetic,
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn a_crest_under_the_sun_moves_with_it() {
-        // The crest is at local noon in both maps: at 0 h at 180°, at 2 h at 150°.
+        // The maximum is at local noon in both maps: at 0 h at 180°, at 2 h at 150°.
         let crest = |at: f64| move |_: f64, longitude: f64| 20.0 + 10.0 * (longitude - at).to_radians().cos();
         let maps = maps(vec![map(0.0, crest(180.0)), map(7_200.0, crest(150.0))]);
         let place = Geodetic::from_degrees(0.0, 165.0, 0.0);

@@ -8,33 +8,31 @@ use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Direction, Geodetic};
 use crate::time::GpsTime;
 
-/// GPS L1, Galileo E1, BeiDou B1C, Hz: the frequency that the model's delay is for.
+/// Frequency of the model's delay, Hz: GPS L1, Galileo E1, BeiDou B1C.
 const L1_HZ: f64 = 1575.42e6;
-/// Delay at night, s.
+/// Night delay, s.
 pub(super) const NIGHT_S: f64 = 5e-9;
 /// Local time of the maximum, s.
 pub(super) const PEAK_S: f64 = 50_400.0;
-/// Shortest period of the daily cosine, s.
+/// Minimum period of the daily cosine, s.
 pub(super) const SHORTEST_PERIOD_S: f64 = 72_000.0;
 pub(super) const SECONDS_PER_DAY: f64 = 86_400.0;
 
 /// The eight broadcast coefficients of one day, of GPS' model or of BeiDou's
-/// ([`beidou_klobuchar_delay_b1i_m`](super::beidou_klobuchar_delay_b1i_m)); the two are not exchangeable.
+/// ([`beidou_klobuchar_delay_b1i_m`](super::beidou_klobuchar_delay_b1i_m)); the two are not interchangeable.
 ///
-/// There is no default: with all coefficients zero the model gives its night delay of 5 ns at any time, which
-/// is a statement about the ionosphere and not the absence of one.
+/// There is no default: all coefficients zero would mean a night delay of 5 ns at any time, and not an unknown ionosphere.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KlobucharCoefficients {
     /// Amplitude polynomial in the geomagnetic (BeiDou: absolute geographic) latitude: s, s/semicircle, s/semicircle², s/semicircle³.
     pub alpha: [f64; 4],
-    /// Period polynomial, likewise.
+    /// Period polynomial in the same latitude: s, s/semicircle, s/semicircle², s/semicircle³.
     pub beta: [f64; 4],
 }
 
 /// Ionospheric delay of a code on L1, m, positive.
 ///
-/// An elevation below the horizon counts as the horizon. Angles of the document are in semicircles, which is
-/// why π appears in odd places.
+/// An elevation below the horizon counts as the horizon. Angles of the document are in semicircles, hence the factors π.
 pub fn klobuchar_delay_l1_m(
     coefficients: &KlobucharCoefficients,
     receiver: Geodetic,
@@ -62,12 +60,12 @@ pub fn klobuchar_delay_l1_m(
     SPEED_OF_LIGHT_MPS * slant * (NIGHT_S + day_s)
 }
 
-/// A delay on L1 turned into that on another frequency: (f_L1/f)² times as long.
+/// Converts a delay on L1 to another frequency: (f_L1/f)² times as long.
 pub fn scale_from_l1(delay_l1_m: f64, frequency_hz: f64) -> f64 {
     scale_delay((delay_l1_m, L1_HZ), frequency_hz)
 }
 
-/// A delay on one frequency (m, Hz) turned into that on another.
+/// Converts a delay on one frequency (m, Hz) to another.
 pub(crate) fn scale_delay((delay_m, from_hz): (f64, f64), frequency_hz: f64) -> f64 {
     let ratio = from_hz / frequency_hz;
     delay_m * ratio * ratio

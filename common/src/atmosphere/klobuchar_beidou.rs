@@ -1,5 +1,5 @@
-//! The ionospheric model of BeiDou's D1 and D2 messages (BDS-SIS-ICD-B1I, 5.2.4.7): Klobuchar's daily cosine over the geographic
-//! latitude of the pierce point of a shell, for B1I.
+//! The ionospheric model of BeiDou's D1 and D2 messages for B1I (BDS-SIS-ICD-B1I, 5.2.4.7): Klobuchar's daily cosine with the geographic
+//! latitude of the pierce point of a shell.
 
 use std::f64::consts::{PI, TAU};
 
@@ -10,11 +10,11 @@ use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Direction, Geodetic};
 use crate::time::{BEIDOU_BEHIND_GPS_S, GpsTime};
 
-/// B1I, Hz: the frequency that the model's delay is for.
+/// Frequency of the model's delay, Hz: B1I.
 pub const B1I_HZ: f64 = 1561.098e6;
 /// The ICD's sphere and shell.
 const SHELL: Shell = Shell::new(6_378e3, 375e3);
-/// Longest period of the daily cosine, s.
+/// Maximum period of the daily cosine, s.
 const LONGEST_PERIOD_S: f64 = 172_800.0;
 
 /// Ionospheric delay of a code on B1I, m, positive, by the coefficients of BeiDou's own messages.
@@ -60,11 +60,11 @@ mod tests {
 
     #[test]
     fn at_the_zenith_it_is_the_daily_cosine() {
-        // Straight up the pierce point is the place itself; 0° and the peak of 14 h BeiDou time.
+        // In the zenith the pierce point is the place itself; longitude 0°, at the peak at 14 h BeiDou time.
         let peak_tow_s = PEAK_S + BEIDOU_BEHIND_GPS_S;
         let expected = SPEED_OF_LIGHT_MPS * (NIGHT_S + 2.0e-8);
         assert!((delay_m(0.0, 0.0, 90.0, peak_tow_s) - expected).abs() < 1e-9);
-        // A quarter of the 120,000 s later at 90° east it is night there, six hours after the peak half way to it.
+        // At 90° east, six hours (21,600 s) of the period of 120,000 s after the peak.
         let day_s = 2.0e-8 * (TAU * 21_600.0 / 1.2e5).cos();
         let expected = SPEED_OF_LIGHT_MPS * (NIGHT_S + day_s);
         assert!((delay_m(0.0, 90.0, 90.0, peak_tow_s) - expected).abs() < 1e-9);

@@ -1,16 +1,16 @@
-//! The grid lines of a map.
+//! Grid lines of an ionosphere map.
 
-/// Most lines of a grid that are believed.
+/// Maximum number of grid lines.
 const MAX_LINES: f64 = 10_000.0;
-/// What is left of rounding, in steps.
+/// Rounding tolerance, in steps.
 const TOLERANCE: f64 = 1e-6;
-/// A map that reaches this latitude serves up to the pole, degrees.
+/// Minimum latitude of the outermost parallel that is extended to the pole, degrees.
 const POLAR_CAP_DEG: f64 = 85.0;
 
 /// Two grid lines with their weights.
 pub(crate) type Cell = [(usize, f64); 2];
 
-/// Grid lines at equal steps, which may be negative.
+/// Equidistant grid lines; the step may be negative.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
     first_deg: f64,
@@ -19,7 +19,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// From first, last and step, degrees. `None` unless the steps lead from one to the other.
+    /// An axis from first, last and step, degrees. `None` unless a whole number of steps leads from first to last.
     pub(crate) fn from_degrees([first_deg, last_deg, step_deg]: [f64; 3]) -> Option<Self> {
         let steps = (last_deg - first_deg) / step_deg;
         let whole = (steps - steps.round()).abs() < 1e-3 && (1.0..MAX_LINES).contains(&steps.round());
@@ -48,13 +48,13 @@ impl Axis {
         ((steps - steps.round()).abs() < 1e-3 && index < self.count).then_some(index)
     }
 
-    /// The whole of a number of steps, if there is such a line or one before the last.
+    /// Index of the line at a whole number of steps, if there is one.
     fn index(&self, steps: f64) -> Option<usize> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked
         (0.0..self.count as f64).contains(&steps).then_some(steps as usize)
     }
 
-    /// The lines around a latitude. Beyond the outermost parallels of a map that reaches the polar caps these serve.
+    /// The lines around a latitude. Beyond the outermost parallels of a map that reaches the polar caps, these are used.
     pub(crate) fn latitude_cell(&self, latitude_deg: f64) -> Option<Cell> {
         let (low, high) = (self.first_deg.min(self.last_deg()), self.first_deg.max(self.last_deg()));
         let low_end = if low <= -POLAR_CAP_DEG { -90.0 } else { low };
@@ -63,13 +63,13 @@ impl Axis {
         self.cell((latitude_deg.clamp(low, high) - self.first_deg) / self.step_deg).filter(|_| within)
     }
 
-    /// The lines around a longitude, over the date line too when the map goes all around.
+    /// The lines around a longitude, across the date line too if the map covers all longitudes.
     pub(crate) fn longitude_cell(&self, longitude_deg: f64) -> Option<Cell> {
         let around = 360.0 / self.step_deg.abs();
         let steps = ((longitude_deg - self.first_deg) / self.step_deg).rem_euclid(around);
         let is_closed = (around - around.round()).abs() < TOLERANCE && self.count as f64 + 0.5 > around;
         if !is_closed {
-            // Rounding may have led just before the first line.
+            // Rounding may give a value just before the first line.
             return self.cell(if around - steps < TOLERANCE { 0.0 } else { steps });
         }
         let left = steps.floor();
@@ -114,7 +114,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the sign of the step and the first line, the weighted lines are the longitude again, modulo a turn.
+        /// For any sign of the step and any first line, the weighted lines equal the longitude modulo a full turn.
         #[test]
         fn cells_around_the_earth_hold_the_longitude(
             longitude_deg in -720.0..720.0_f64,
@@ -131,7 +131,7 @@ mod tests {
                 let at = (first_deg + step_deg * *index as f64 - longitude_deg).to_radians();
                 (sum.0 + weight * at.sin(), sum.1 + weight * at.cos())
             });
-            // Weighted lines lie symmetrically enough: the mean direction is the longitude to second order of the step.
+            // The mean direction of the weighted lines is the longitude up to second order of the step.
             prop_assert!(sin.atan2(cos).to_degrees().abs() < 0.01 + (step_deg / 60.0).powi(2) * 10.0);
             prop_assert!((cell[0].1 + cell[1].1 - 1.0).abs() < 1e-12);
             prop_assert!(cell.iter().all(|(index, weight)| *index < axis.count() && (0.0..=1.0).contains(weight)));

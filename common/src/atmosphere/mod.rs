@@ -1,8 +1,8 @@
 //! Signal delays in ionosphere and troposphere.
 //!
-//! The models of Klobuchar and Saastamoinen are closed formulas, cheap enough to be evaluated for every signal of every epoch.
-//! Neither knows the weather of the day: expect half of the ionosphere (IS-GPS-200 says 50 % rms) and a few
-//! centimetres of zenith troposphere to remain. Maps (IONEX) know the ionosphere of the day to a few TEC units.
+//! The models of Klobuchar and Saastamoinen are closed formulas that are cheap enough for every signal of every epoch.
+//! Neither contains the weather of the day: about half of the ionosphere (IS-GPS-200: 50 % rms) and a few
+//! centimetres of zenith troposphere remain. Maps (IONEX) describe the ionosphere of the day to a few TEC units.
 
 mod ionosphere_map;
 mod klobuchar;

@@ -2,12 +2,12 @@
 
 use crate::frames::{Direction, Geodetic};
 
-/// Relative humidity to take when none was measured.
+/// Relative humidity assumed without a measurement.
 pub const STANDARD_RELATIVE_HUMIDITY: f64 = 0.7;
 
-/// Heights outside of this range take its end, m: the atmosphere's formula is for the troposphere.
+/// Valid heights of the formula, m; heights outside are limited to them.
 const HEIGHT_RANGE_M: (f64, f64) = (0.0, 10_000.0);
-/// Below this elevation (1°) the flat-layer mapping has no meaning; lower ones count as this, rad.
+/// Minimum elevation of the flat-layer mapping (1°), rad; lower elevations are limited to it.
 const LOWEST_ELEVATION_RAD: f64 = 0.017_453_292_519_943_295;
 /// Temperature at sea level, K.
 const SEA_LEVEL_K: f64 = 15.0 + 273.16;
@@ -16,7 +16,7 @@ const SEA_LEVEL_K: f64 = 15.0 + 273.16;
 ///
 /// Pressure and temperature are those of the standard atmosphere at the receiver's height (1013.25 hPa and
 /// 15 °C at sea level), `relative_humidity` is in 0-1, and the mapping is 1/sin(elevation). Elevations below 1°
-/// and heights outside 0-10 km count as the limit, so that the result is finite for any finite input.
+/// and heights outside 0-10 km are limited, so that the result is finite for any finite input.
 pub fn saastamoinen_delay_m(receiver: Geodetic, direction: Direction, relative_humidity: f64) -> f64 {
     let height_m = receiver.height_m.clamp(HEIGHT_RANGE_M.0, HEIGHT_RANGE_M.1);
     let pressure_hpa = 1013.25 * (1.0 - 2.2557e-5 * height_m).powf(5.2568);

@@ -1,4 +1,4 @@
-//! The ionosphere as a thin shell around a sphere: where a signal crosses it, and how steeply.
+//! Thin-shell model of the ionosphere around a sphere: pierce point and slant factor.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -11,29 +11,29 @@ pub struct Shell {
     height_m: f64,
 }
 
-/// Where a signal crosses a shell.
+/// Intersection of a signal with a shell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PiercePoint {
     pub(crate) latitude_rad: f64,
-    /// Not reduced to one turn.
+    /// Longitude, not reduced to one turn.
     pub(crate) longitude_rad: f64,
-    /// 1 / cos z': how much longer the path through the shell is than a vertical one.
+    /// 1 / cos z': ratio of the path through the shell to a vertical path.
     pub(crate) slant: f64,
 }
 
 impl Shell {
-    /// From the radius of the sphere that heights are above, and the shell's height.
+    /// A shell from the radius of the sphere and the height of the shell above it.
     pub(crate) const fn new(base_radius_m: f64, height_m: f64) -> Self {
         Self { base_radius_m, height_m }
     }
 
-    /// The same in kilometres, as files have them; `None` for impossible ones.
+    /// The same in kilometres, as in files; `None` for invalid values.
     pub(crate) fn from_kilometres(base_radius_km: f64, height_km: f64) -> Option<Self> {
         let possible = (6_000.0..=7_000.0).contains(&base_radius_km) && (50.0..=2_000.0).contains(&height_km);
         possible.then_some(Self::new(base_radius_km * 1e3, height_km * 1e3))
     }
 
-    /// Where a signal crosses the shell that comes to a receiver at a latitude and longitude on the sphere, rad. An elevation below
+    /// Pierce point of a signal to a receiver at a latitude and longitude on the sphere, rad. An elevation below
     /// the horizon counts as the horizon.
     pub(crate) fn pierce(
         self,

@@ -1,43 +1,43 @@
-//! Many constraints on one state.
+//! Application of several constraints to one state.
 //!
-//! Each row that acted leaves a *site*, the Gaussian factor exp(−½τy² + νy) of y = cᵀX that stands for its interval. A row
-//! that comes again first takes its own site out (the cavity: the state as if only the others had acted) and
-//! truncates that. So nothing is ever applied twice to the same prior, in whatever order and however often. Both methods
-//! are this loop; they differ in which constraints come again, and when it ends.
+//! Each applied row leaves a *site*, the Gaussian factor exp(−½τy² + νy) of y = cᵀX that represents its interval. Before a row is applied
+//! again, its own site is removed, and the remaining distribution (the cavity: the state with all other sites) is truncated. So no
+//! information is applied twice, whatever the order and number of applications. Both methods use this loop; they differ in the constraints
+//! that are applied again and in the end of the loop.
 //!
 //! All updates are symmetric rank-one updates of the covariance along Pc: O(n·6 + n²) each for n states.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::kinds::{At, Length, NO_DIRECTION};
+use super::kinds::{BoundedLength, ConstrainedState, NO_DIRECTION};
 use super::options::{ConstraintOptions, Method};
 use super::rows::Rows;
-use super::sites::{CONVERGED, Former, Posterior};
+use super::sites::{CONVERGED, Posterior, PreviousSites};
 use super::task::{TOLERANCE, Task};
 use super::truncation::{Enlargement, Gaussian, Interval, moments_within, plausible, truncate};
 use super::{Constraint, ConstraintAction, SkipReason};
 
-/// Sweeps in which rows are linearised anew. Later ones keep them: with fixed rows the sites settle.
+/// Number of sweeps with relinearised rows. In later sweeps the rows are fixed, so that the sites converge.
 const LINEARISING_SWEEPS: u32 = 3;
 
-struct Engine<'a> {
+struct Propagation<'a> {
     posterior: Posterior<'a>,
     options: &'a ConstraintOptions,
 }
 
-/// Applies constraints to a joint Gaussian state, in place, and tells what those did that acted, were violated or could
-/// not be applied, each by its place in `constraints`.
+/// Applies constraints to a joint Gaussian state in place. Returns the effect of each constraint that acted, was violated or could not be
+/// applied, with its index in `constraints`.
 ///
 /// `state` holds nine elements per phone (see [`crate::filter`]), `covariance` theirs. A constraint that cannot be
-/// applied (see [`SkipReason`]) changes nothing. One that has nothing to say of the state, as a heading whose phone is too slow
-/// for one (see [`HeadingGate`](super::HeadingGate)), is not reported. The covariance stays symmetric.
+/// applied (see [`SkipReason`]) changes nothing. A constraint that does not apply to the state, such as a heading of a phone that is too
+/// slow (see [`HeadingGate`](super::HeadingGate)), is not reported. The covariance stays symmetric.
 pub fn constrain(
     state: &mut DVector<f64>,
     covariance: &mut DMatrix<f64>,
     constraints: &[Constraint],
     options: &ConstraintOptions,
 ) -> Vec<ConstraintAction> {
-    let prior = At { state, covariance, options };
+    let prior = ConstrainedState { state, covariance, options };
     let task = |(index, constraint): (usize, &Constraint)| Task::new(index, *constraint, &prior);
     let mut tasks: Vec<Task> = constraints.iter().enumerate().map(task).collect();
     if tasks.iter().all(|task| task.idle) {
@@ -47,7 +47,7 @@ pub fn constrain(
         Method::Sequential { max_sweeps } => (max_sweeps, 0.0),
         Method::ExpectationPropagation { max_sweeps, damping } => (max_sweeps, damping),
     };
-    let mut engine = Engine { posterior: Posterior::new(state, covariance, damping), options };
+    let mut engine = Propagation { posterior: Posterior::new(state, covariance, damping), options };
     for sweep in 0..max_sweeps.max(1) {
         let mut largest_change = 0.0f64;
         for task in &mut tasks {
@@ -64,8 +64,8 @@ pub fn constrain(
     tasks.iter().filter_map(|task| task.report(&posterior.prior.0, posterior.state, options)).collect()
 }
 
-impl Engine<'_> {
-    /// Whether a constraint comes in this sweep.
+impl Propagation<'_> {
+    /// Whether a constraint is applied in this sweep.
     fn is_due(&self, task: &Task, sweep: u32) -> bool {
         if task.skipped.is_some() || task.rows.is_none() {
             return false;
@@ -84,7 +84,7 @@ impl Engine<'_> {
             .is_some_and(|value| constraint.excess(value) > TOLERANCE)
     }
 
-    /// Applies a constraint, again if need be, and returns by how much it changed its rows.
+    /// Applies a constraint for the first time or again. Returns the change of its rows in the units of [`CONVERGED`].
     fn refresh(&mut self, task: &mut Task, sweep: u32) -> f64 {
         match self.try_refresh(task, sweep) {
             Ok(change) => change,
@@ -98,11 +98,11 @@ impl Engine<'_> {
 
     fn try_refresh(&mut self, task: &mut Task, sweep: u32) -> Result<f64, SkipReason> {
         let earlier = task.sites;
-        let turned = self.turned_rows(task, sweep)?;
-        let Some(given) = turned.or(task.rows) else { return Ok(0.0) };
+        let relinearised = self.relinearised_rows(task, sweep)?;
+        let Some(given) = relinearised.or(task.rows) else { return Ok(0.0) };
         let (mut rows, mut policy) = (given, self.options.enlargement);
         if policy != Enlargement::Fixed && task.constraint.kind().widens_as_a_whole() {
-            // The bounds are enlarged for all rows, before the first, on the state without this constraint.
+            // The bounds are enlarged for all rows together, on the state without this constraint.
             self.remove_all(task);
             (rows, task.enlargements) = self.widened_rows(&task.constraint)?;
             policy = Enlargement::Fixed;
@@ -114,66 +114,70 @@ impl Engine<'_> {
         }
         let mut change = 0.0f64;
         for index in 0..rows.len() {
-            if turned.is_some() && !self.posterior.take_out(&mut task.sites[index]) {
-                // The site stays, and with it the row that it belongs to.
+            if relinearised.is_some() && !self.posterior.remove(&mut task.sites[index]) {
+                // The site could not be removed, so its former row stays too.
                 rows[index] = task.rows.and_then(|former| former[index]);
                 continue;
             }
             if let Some(length) = task.constraint.kind().length()
-                && (index, turned.is_some()) == (0, true)
+                && (index, relinearised.is_some()) == (0, true)
             {
-                self.settle(&mut rows, length);
+                self.relinearise(&mut rows, length);
             }
-            // Whether a row acts is asked of the bounds as given; how it acts, of the enlarged ones.
+            // The given bounds decide whether a row acts; the enlarged bounds decide its effect.
             let Some((bounded, given)) = rows[index].zip(given[index]) else { continue };
             let inside = given.interval.contains(given.row.at(self.posterior.state));
             if inside && !self.options.act_when_inside && task.sites[index].is_none() {
                 continue;
             }
-            let sites = Former { in_state: task.sites[index], earlier: earlier[index] };
+            let sites = PreviousSites { in_state: task.sites[index], earlier: earlier[index] };
             let applied = self.posterior.apply(&bounded, policy, &sites)?;
             task.enlargements = task.enlargements.max(applied.enlargements);
             task.sites[index] = Some(applied.site);
             task.acted = true;
             change = change.max(applied.change);
         }
-        if turned.is_some() {
+        if relinearised.is_some() {
             task.rows = Some(rows);
         }
         Ok(change)
     }
 
-    /// The state as it stands.
-    fn at(&self) -> At<'_> {
-        At { state: self.posterior.state, covariance: self.posterior.covariance, options: self.options }
+    /// The present state with the options.
+    fn current(&self) -> ConstrainedState<'_> {
+        ConstrainedState {
+            state: self.posterior.state,
+            covariance: self.posterior.covariance,
+            options: self.options,
+        }
     }
 
-    /// The rows of a bounded length linearised about the present state, when they should be: while it is out of bounds or has
-    /// a minimum. `None` keeps those it has; all other constraints are linear.
-    fn turned_rows(&self, task: &Task, sweep: u32) -> Result<Option<Rows>, SkipReason> {
+    /// The rows of a bounded length linearised at the present state, if it is out of bounds or has a minimum.
+    /// `None` keeps the former rows; all other constraints are linear.
+    fn relinearised_rows(&self, task: &Task, sweep: u32) -> Result<Option<Rows>, SkipReason> {
         let kind = task.constraint.kind();
         if kind.length().is_some()
             && sweep < LINEARISING_SWEEPS
             && (kind.bounds().lower > 0.0 || self.is_violated(&task.constraint))
         {
-            kind.rows(&self.at()).map(Some)
+            kind.rows(&self.current()).map(Some)
         } else {
             Ok(None)
         }
     }
 
-    /// Turns a length's rows until the truncation of the state as it stands (the cavity) keeps the length
-    /// in bounds or no longer changes it.
-    fn settle(&mut self, rows: &mut Rows, length: &dyn Length) {
+    /// Relinearises the rows of a length until truncation of the present state (the cavity) keeps the length in bounds or no longer changes
+    /// it.
+    fn relinearise(&mut self, rows: &mut Rows, length: &dyn BoundedLength) {
         let mut last = f64::INFINITY;
         for _ in 0..self.options.max_relinearisations {
-            let Some((bounded, vector)) = rows[0].zip(length.vector(&self.at())) else { return };
+            let Some((bounded, vector)) = rows[0].zip(length.vector(&self.current())) else { return };
             let Ok(marginal) = self.posterior.project(&bounded.row) else { return };
             let Some(truncation) = truncate(marginal, bounded.interval, self.options.enlargement) else {
                 return;
             };
             let step = (truncation.moments.mean - marginal.mean) / marginal.variance;
-            let Some(relative_gain) = length.change(&self.at(), &self.posterior.gain) else { return };
+            let Some(relative_gain) = length.change(&self.current(), &self.posterior.gain) else { return };
             let moved = vector + step * relative_gain;
             let size = moved.norm();
             let Interval { lower, upper } = bounded.interval;
@@ -184,15 +188,15 @@ impl Engine<'_> {
                 return;
             }
             last = size;
-            let Some(turned) = length.rows_along(&self.at(), &(moved / size)) else { return };
-            *rows = turned;
+            let Some(relinearised) = length.rows_along(&self.current(), &(moved / size)) else { return };
+            *rows = relinearised;
         }
     }
 
-    /// A constraint's rows with the bounds that Algorithm 1 arrives at, and the number of enlargements.
+    /// The rows of a constraint with the enlarged bounds of Algorithm 1, and the number of enlargements.
     fn widened_rows(&self, constraint: &Constraint) -> Result<(Rows, u32), SkipReason> {
         let (mut wide, mut times) = (*constraint, 0);
-        let mut rows = wide.kind().rows(&self.at())?;
+        let mut rows = wide.kind().rows(&self.current())?;
         let Enlargement::Peng { confidence, factor, max_iterations } = self.options.enlargement else {
             return Ok((rows, times));
         };
@@ -202,12 +206,12 @@ impl Engine<'_> {
         {
             times += 1;
             wide = wider;
-            rows = wide.kind().rows(&self.at())?;
+            rows = wide.kind().rows(&self.current())?;
         }
         Ok((rows, times))
     }
 
-    /// Whether the intervals of all rows, but for implied ones, are plausible under the distribution within them.
+    /// Whether the intervals of all rows except implied ones are plausible under the truncated distribution.
     fn are_plausible(&self, rows: &Rows, confidence: f64) -> Result<bool, SkipReason> {
         let mut all_plausible = true;
         for bounded in rows.iter().flatten().filter(|bounded| !bounded.is_implied) {
@@ -221,10 +225,10 @@ impl Engine<'_> {
         Ok(all_plausible)
     }
 
-    /// Takes all of a constraint's sites out.
+    /// Removes all sites of a constraint.
     fn remove_all(&mut self, task: &mut Task) {
         for slot in &mut task.sites {
-            self.posterior.take_out(slot);
+            self.posterior.remove(slot);
         }
     }
 }

@@ -1,38 +1,37 @@
-//! How constraints are applied.
+//! Options of the constraints.
 
 use serde::{Deserialize, Serialize};
 
 use super::truncation::Enlargement;
 
-/// How several constraints are brought into one state.
+/// Method for applying several constraints to one state.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// One by one in the given order (Peng §2.2.4), those that are violated again in further sweeps. A constraint that
-    /// comes again replaces what it did before; it never counts twice.
+    /// One by one in the given order (Peng §2.2.4), with further sweeps for violated constraints. A repeated constraint replaces its own
+    /// former effect; it is never counted twice.
     Sequential {
-        /// Largest number of sweeps, ≥ 1.
+        /// Maximum number of sweeps, ≥ 1.
         max_sweeps: u32,
     },
-    /// Expectation propagation (Minka 2001): each constraint is refreshed given all the others until nothing changes.
+    /// Expectation propagation (Minka 2001): each constraint is refreshed given all others until convergence.
     ExpectationPropagation {
-        /// Largest number of sweeps, ≥ 1.
+        /// Maximum number of sweeps, ≥ 1.
         max_sweeps: u32,
-        /// Part of the former site that is kept, in [0, 1): 0 for none.
+        /// Fraction of the former site that is kept, in [0, 1); 0: no damping.
         damping: f64,
     },
 }
 
-/// What a bounded distance means for the vector d between two phones.
+/// Meaning of a bounded distance for the vector d between two phones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DistanceModel {
-    /// The paper's: minimum ≤ uᵀd ≤ maximum on the line u between the phones.
+    /// As in the paper: minimum ≤ uᵀd ≤ maximum along the line u between the phones.
     Radial,
-    /// Three axes. |d| ≤ maximum bounds every component of d: −maximum ≤ eᵀd ≤ maximum on the line and on two axes across. A
-    /// minimum bounds the component on the line as far as the uncertainty across leaves it: phones whose distance *on the
-    /// line* is short, but unknown to metres across it, need not be pushed apart. So after a violated minimum the distance
-    /// of the means may still be below it.
+    /// Three axes. |d| ≤ maximum bounds every component of d: −maximum ≤ eᵀd ≤ maximum along the line and along two axes across. A minimum
+    /// bounds the component along the line, reduced by the uncertainty across: two phones that are close along the line, but uncertain by
+    /// metres across it, need not be pushed apart. After a violated minimum the distance of the means may therefore still be below it.
     ///
     /// Largest error of a mean against rejection sampling, in prior standard deviations, `Box` and `Radial`: two phones in one
     /// car that are 16 m apart 0.04 and 0.87, 1 m apart 0.04 and 0.11; a convoy 8 m apart that should be 10 m, known to 1.5 m
@@ -41,13 +40,13 @@ pub enum DistanceModel {
     Box,
 }
 
-/// When a phone moves fast enough to have a heading.
+/// Minimum speed of a phone with a defined heading.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HeadingGate {
-    /// Least horizontal speed, m/s.
+    /// Minimum horizontal speed, m/s.
     pub minimum_speed_mps: f64,
-    /// Least horizontal speed in standard deviations of the horizontal velocity.
+    /// Minimum horizontal speed in standard deviations of the horizontal velocity.
     pub minimum_sigmas: f64,
 }
 
@@ -57,27 +56,27 @@ impl Default for HeadingGate {
     }
 }
 
-/// How constraints are applied.
+/// Options of the constraints.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ConstraintOptions {
-    /// How several are combined.
+    /// Method for several constraints.
     pub method: Method,
-    /// What happens to an interval that the state contradicts.
+    /// Treatment of an interval that the state contradicts.
     pub enlargement: Enlargement,
-    /// Whether the distribution is truncated even if its mean is inside the bounds already. Algorithm 1 leaves such a state alone;
-    /// but a mean inside does not mean that the tails are.
+    /// Whether a distribution with its mean within the bounds is truncated too. Algorithm 1 leaves it alone, although its tails may be
+    /// outside.
     pub act_when_inside: bool,
-    /// What a distance constrains.
+    /// Model of a distance constraint.
     pub distance_model: DistanceModel,
-    /// Time over which velocity constraints look ahead with the acceleration, s; 0 constrains the velocity itself.
+    /// Prediction time of velocity constraints with the acceleration, s; 0 constrains the velocity itself.
     pub horizon_s: f64,
-    /// When a heading applies.
+    /// Minimum speed for heading constraints.
     pub heading_gate: HeadingGate,
-    /// A constraint that the state puts this many standard deviations out of bounds is not applied but reported: a phone
-    /// has left the car, or a course is not that of the road. Infinite: apply whatever is said, as the paper does.
+    /// Distance from the bounds, in standard deviations, beyond which a constraint is reported and not applied, e.g. because a phone has
+    /// left the car or the course is not that of the road. Infinite: every constraint is applied, as in the paper.
     pub contradiction_sigmas: f64,
-    /// Largest number of times that a distance is linearised anew at one refresh.
+    /// Maximum number of relinearisations of a distance per refresh.
     pub max_relinearisations: u32,
 }
 
@@ -98,7 +97,7 @@ impl Default for ConstraintOptions {
 }
 
 impl ConstraintOptions {
-    /// As Peng 2023 does it: Algorithm 1 with c = 0.1 and factor 1.5, one by one, velocities over 1 s.
+    /// As in Peng 2023: Algorithm 1 with c = 0.1 and factor 1.5, one by one, velocities over 1 s.
     pub fn peng2023() -> Self {
         Self {
             method: Method::Sequential { max_sweeps: 5 },

@@ -1,8 +1,7 @@
-//! Bounded rows of a joint state, which constraints are made of.
+//! Bounded rows of a joint state, the linear form of constraints.
 //!
-//! A row is cᵀX + c₀. The constant is zero where the quantity is linear or, like a length |d| = uᵀd with the unit vector u that it
-//! is linearised at, homogeneous. The turn of the up vector with the phone's position is left out of the rows; it
-//! is one part in 6.4 million per metre.
+//! A row is cᵀX + c₀. The constant is zero for linear quantities, and for a length |d| = uᵀd with the unit vector u of its linearisation,
+//! which is homogeneous. The rotation of the up vector with the phone's position is neglected; it is one part in 6.4 million per metre.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -10,10 +9,10 @@ use super::truncation::Interval;
 use crate::filter::STATES_PER_PHONE;
 use crate::frames::{Ecef, EcefVector, Enu, LocalFrame};
 
-/// Most nonzero elements of a row: two vectors.
+/// Maximum number of nonzero elements of a row: two vectors.
 const NONZEROS: usize = 6;
 
-/// A row with up to six nonzero elements, and a constant that is added to its product with the state.
+/// A row with up to six nonzero elements, and a constant added to its product with the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SparseRow {
     offsets: [usize; NONZEROS],
@@ -22,24 +21,24 @@ pub struct SparseRow {
     constant: f64,
 }
 
-/// A row and the interval that its value at the state lies in.
+/// A row and the interval of its value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoundedRow {
     /// The row.
     pub row: SparseRow,
-    /// Where the value lies.
+    /// Interval of the row's value.
     pub interval: Interval,
-    /// Whether the constraint's other rows imply it. Expectation propagation leaves it out.
+    /// Whether the other rows of the constraint imply this row. Expectation propagation leaves it out.
     pub is_implied: bool,
 }
 
 impl BoundedRow {
-    /// A row that no other one implies.
+    /// A row that is not implied by others.
     pub const fn new(row: SparseRow, interval: Interval) -> Self {
         Self { row, interval, is_implied: false }
     }
 
-    /// The same, implied by the constraint's other rows.
+    /// The same row, implied by the constraint's other rows.
     pub const fn implied(self) -> Self {
         Self { is_implied: true, ..self }
     }
@@ -63,7 +62,7 @@ impl SparseRow {
         row
     }
 
-    /// The row with another constant: value − c·X of a quantity that is linearised at X.
+    /// The row with another constant: value − c·X of a quantity linearised at X.
     pub const fn with_constant(self, constant: f64) -> Self {
         Self { constant, ..self }
     }
@@ -81,7 +80,7 @@ impl SparseRow {
         self.offsets.iter().copied().zip(self.values.iter().copied()).take(self.length)
     }
 
-    /// Whether all offsets lie within a state of this many elements.
+    /// Whether all offsets lie within a state of `elements` elements.
     pub fn fits(&self, elements: usize) -> bool {
         self.iter().all(|(offset, _)| offset < elements)
     }
@@ -113,7 +112,7 @@ impl SparseRow {
     }
 }
 
-/// A phone's position in a joint state; `None` when the state does not hold it or it is not finite.
+/// Position of a phone in a joint state; `None` if the state does not contain the phone or the position is not finite.
 pub fn position(state: &DVector<f64>, phone: usize) -> Option<Ecef> {
     let point = Ecef(part(state, phone, 0)?);
     point.is_finite().then_some(point)
@@ -126,7 +125,7 @@ fn part(state: &DVector<f64>, phone: usize, which: usize) -> Option<Vector3<f64>
     Some(Vector3::from_column_slice(slice))
 }
 
-/// A phone's mean velocity over the horizon, v + ½a·horizon, and the local frame it is seen in.
+/// Mean velocity of a phone over the horizon, v + ½a·horizon, with its local frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
     frame: LocalFrame,
@@ -136,7 +135,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Of a phone in a joint state; `None` when the state does not hold it or it is not finite.
+    /// Motion of a phone in a joint state; `None` if the state does not contain the phone or the motion is not finite.
     pub fn of(state: &DVector<f64>, phone: usize, horizon_s: f64) -> Option<Self> {
         let frame = LocalFrame::at(position(state, phone)?);
         let velocity = EcefVector(part(state, phone, 1)? + 0.5 * horizon_s * part(state, phone, 2)?);
@@ -149,7 +148,7 @@ impl Motion {
         self.frame.vector_ecef_to_enu(self.velocity)
     }
 
-    /// The row of the velocity's component along a direction in the local frame.
+    /// The row of the velocity component along a direction in the local frame.
     pub fn row(&self, direction: Enu) -> SparseRow {
         let axis = self.frame.vector_enu_to_ecef(direction).0;
         if self.horizon_s == 0.0 {

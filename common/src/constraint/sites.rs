@@ -1,4 +1,4 @@
-//! Sites: what each row has contributed to a state, put in, exchanged and taken out.
+//! Sites: the contributions of rows to a state, which can be added, replaced and removed.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -6,14 +6,13 @@ use super::SkipReason;
 use super::rows::{BoundedRow, SparseRow};
 use super::truncation::{Enlargement, Gaussian, Truncation, truncate};
 
-/// A refresh that changes a row's mean by less than this many standard deviations, and its variance by less than
-/// this part, has converged.
+/// Convergence limit of a refresh: change of the mean in standard deviations, and relative change of the variance.
 pub(super) const CONVERGED: f64 = 1e-3;
-/// Smallest part of a row's prior variance that one constraint leaves (1 % of the standard deviation). Taking a site out
-/// of the state again loses digits with the square of this ratio; the mean is not affected.
+/// Minimum fraction of a row's prior variance after one constraint (1 % of the standard deviation). Removing a site loses digits with the
+/// square of this ratio; the mean is not affected.
 const LEAST_VARIANCE: f64 = 1e-4;
 
-/// What a row has contributed: exp(−½ precision y² + shift y), y = cᵀX + c₀.
+/// Contribution of a row: exp(−½ precision y² + shift y), y = cᵀX + c₀.
 #[derive(Clone, Copy)]
 pub(super) struct Site {
     row: SparseRow,
@@ -21,53 +20,53 @@ pub(super) struct Site {
     shift: f64,
 }
 
-/// The sites that a row had before it is applied.
+/// The sites of a row before it is applied again.
 #[derive(Clone, Copy)]
-pub(super) struct Former {
-    /// The one that the state contains, on the same row.
+pub(super) struct PreviousSites {
+    /// Site on the same row that the state contains.
     pub(super) in_state: Option<Site>,
-    /// The one of the sweep before, for the change against it; it may have been taken out.
+    /// Site of the previous sweep, as the reference for the change; it may have been removed.
     pub(super) earlier: Option<Site>,
 }
 
-/// What applying a row did.
+/// Result of applying a row.
 pub(super) struct Applied {
-    /// Its site.
+    /// New site of the row.
     pub(super) site: Site,
-    /// Enlargements of its interval.
+    /// Number of enlargements of the interval.
     pub(super) enlargements: u32,
-    /// Change of its distribution since the sweep before, in standard deviations or part of the variance.
+    /// Change since the previous sweep, in standard deviations of the mean or as the logarithm of the variance ratio.
     pub(super) change: f64,
 }
 
-/// A Gaussian state that sites are put into.
+/// A Gaussian state with sites.
 pub(super) struct Posterior<'a> {
     pub(super) state: &'a mut DVector<f64>,
     pub(super) covariance: &'a mut DMatrix<f64>,
-    /// Pc of the row that was projected last.
+    /// Pc of the row projected last.
     pub(super) gain: DVector<f64>,
-    /// State and covariance as they came.
+    /// State and covariance without sites.
     pub(super) prior: (DVector<f64>, DMatrix<f64>),
-    /// Part of a former site that is kept.
+    /// Fraction of a former site that is kept.
     damping: f64,
-    /// Whether a site was taken out of the covariance, which costs digits.
-    took_out: bool,
+    /// Whether a site was removed from the covariance, which loses digits.
+    has_removed: bool,
 }
 
 impl<'a> Posterior<'a> {
-    /// Without sites yet.
+    /// A posterior without sites.
     pub(super) fn new(state: &'a mut DVector<f64>, covariance: &'a mut DMatrix<f64>, damping: f64) -> Self {
         let prior = (state.clone(), covariance.clone());
         let gain = DVector::zeros(state.len());
-        Self { state, covariance, gain, prior, damping, took_out: false }
+        Self { state, covariance, gain, prior, damping, has_removed: false }
     }
 
-    /// Truncates the state by one row, in place of the site that it has in the state.
+    /// Truncates the state by one row, in place of the row's site in the state.
     pub(super) fn apply(
         &mut self,
         bounded: &BoundedRow,
         policy: Enlargement,
-        sites: &Former,
+        sites: &PreviousSites,
     ) -> Result<Applied, SkipReason> {
         let marginal = self.project(&bounded.row)?;
         let former = sites.in_state.unwrap_or(Site { row: bounded.row, precision: 0.0, shift: 0.0 });
@@ -80,7 +79,7 @@ impl<'a> Posterior<'a> {
         let cavity_precision = 1.0 / cavity.variance;
         let most = 1.0 / (LEAST_VARIANCE * bounded.row.variance(&self.prior.1));
         let precision = (1.0 / moments.variance - cavity_precision).max(0.0).min(most);
-        // Whatever the precision, the mean becomes that within the interval.
+        // For any precision the mean becomes that of the truncation.
         let shift = moments.mean * (precision + cavity_precision) - cavity.mean * cavity_precision;
         let mut site = Site { row: bounded.row, precision, shift };
         if former.precision > 0.0 {
@@ -99,37 +98,37 @@ impl<'a> Posterior<'a> {
         Ok(Applied { site, enlargements, change })
     }
 
-    /// Takes a site out of the state and its slot. When rounding next to an equality leaves no distribution without it, the site
-    /// stays in both and the answer is no.
-    pub(super) fn take_out(&mut self, slot: &mut Option<Site>) -> bool {
+    /// Removes a site from the state and from its slot. Returns `false` if, near an equality, rounding leaves no valid distribution without
+    /// the site; the site then stays in both.
+    pub(super) fn remove(&mut self, slot: &mut Option<Site>) -> bool {
         let Some(site) = *slot else { return true };
         let Ok(marginal) = self.project(&site.row) else { return false };
         let cavity = with_site(marginal, -site.precision, -site.shift);
         let is_out = is_proper(cavity) && self.update(marginal, cavity).is_ok();
         if is_out {
             *slot = None;
-            self.took_out = true;
+            self.has_removed = true;
         }
         is_out
     }
 
-    /// The prior with all sites as they now are, each brought in once: what the state is, without the rounding of sites
-    /// that went in and out. Every step takes something away from the covariance, so it stays one.
+    /// Recomputes the state from the prior and all present sites, each applied once, without the rounding errors of removed sites. Every
+    /// step reduces the covariance, so it stays positive definite.
     pub(super) fn rebuild<'s>(&mut self, sites: impl Iterator<Item = &'s Site>) {
-        if !self.took_out {
+        if !self.has_removed {
             return;
         }
         self.state.copy_from(&self.prior.0);
         self.covariance.copy_from(&self.prior.1);
         for site in sites {
             if let Ok(marginal) = self.project(&site.row) {
-                // A step that is not finite is not taken; the state is then as if without this site.
+                // A step that is not finite is left out; the state is then that without this site.
                 let _ = self.update(marginal, with_site(marginal, site.precision, site.shift));
             }
         }
     }
 
-    /// The distribution of cᵀX + c₀, with Pc left in `gain`.
+    /// Distribution of cᵀX + c₀; leaves Pc in `gain`.
     pub(super) fn project(&mut self, row: &SparseRow) -> Result<Gaussian, SkipReason> {
         if !row.fits(self.state.len()) {
             return Err(SkipReason::UnknownPhone);
@@ -145,16 +144,16 @@ impl<'a> Posterior<'a> {
         }
     }
 
-    /// Gives the projected row other moments: a rank-one update along `gain`.
+    /// Changes the moments of the projected row by a rank-one update along `gain`.
     fn update(&mut self, from: Gaussian, to: Gaussian) -> Result<(), SkipReason> {
         let step = (to.mean - from.mean) / from.variance;
-        // Dividing twice keeps the square of a small variance from underflowing.
+        // Two divisions avoid underflow of the square of a small variance.
         let factor = (to.variance - from.variance) / from.variance / from.variance;
         if !(step.is_finite() && factor.is_finite()) {
             return Err(SkipReason::NotFinite);
         }
         self.state.axpy(step, &self.gain, 1.0);
-        // Products of the same two factors on both sides of the diagonal: exactly symmetric.
+        // Both sides of the diagonal are products of the same two factors, so the result is exactly symmetric.
         let root = factor.abs().sqrt();
         self.gain *= root;
         let sign = factor.signum();
@@ -165,12 +164,12 @@ impl<'a> Posterior<'a> {
     }
 }
 
-/// Whether mean and variance make a distribution.
+/// Whether mean and variance define a distribution.
 fn is_proper(marginal: Gaussian) -> bool {
     marginal.mean.is_finite() && marginal.variance > 0.0 && marginal.variance.is_finite()
 }
 
-/// A distribution times exp(−½ precision y² + shift y).
+/// The distribution times exp(−½ precision y² + shift y).
 fn with_site(marginal: Gaussian, precision: f64, shift: f64) -> Gaussian {
     let denominator = 1.0 + precision * marginal.variance;
     Gaussian {
@@ -186,7 +185,7 @@ mod tests {
     use super::super::truncation::Interval;
     use super::*;
 
-    /// y + c₀ in [l, u] is y in [l − c₀, u − c₀]; taken out again, the site leaves the prior.
+    /// y + c₀ in [l, u] is equivalent to y in [l − c₀, u − c₀]; removing the site restores the prior.
     #[test]
     fn a_row_with_a_constant_is_the_row_without_it_in_a_shifted_interval() {
         let row = SparseRow::of(0, &Vector3::new(0.6, 0.8, 0.0));
@@ -199,11 +198,11 @@ mod tests {
                 let mut covariance = DMatrix::from_diagonal(&DVector::from_vec(vec![4.0, 1.0, 9.0]));
                 let prior = state.clone();
                 let mut posterior = Posterior::new(&mut state, &mut covariance, 0.0);
-                let former = Former { in_state: None, earlier: None };
+                let former = PreviousSites { in_state: None, earlier: None };
                 let applied = posterior.apply(&bounded, Enlargement::Fixed, &former);
                 let mut site = applied.ok().map(|applied| applied.site);
                 let marginal = (posterior.state.clone(), posterior.covariance.clone());
-                assert!((&marginal.0 - &prior).amax() > 0.5 && posterior.take_out(&mut site));
+                assert!((&marginal.0 - &prior).amax() > 0.5 && posterior.remove(&mut site));
                 assert!((&*posterior.state - &prior).amax() < 1e-9, "{}", posterior.state);
                 marginal
             });

@@ -1,8 +1,8 @@
-//! One constraint's work within a call: what it needs at the prior, and what it reports in the end.
+//! State of one constraint during a call: preparation at the prior, and report at the end.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::kinds::At;
+use super::kinds::ConstrainedState;
 use super::options::ConstraintOptions;
 use super::rows::{BoundedRow, Rows, position};
 use super::sites::Site;
@@ -10,14 +10,14 @@ use super::{Constraint, ConstraintAction, ConstraintOutcome, SkipReason};
 use crate::filter::STATES_PER_PHONE;
 use crate::frames::Ecef;
 
-/// Beyond this many standard deviations a bound takes nothing away (2e-9 of the probability).
+/// Number of standard deviations beyond which a bound has no effect (it cuts off 2e-9 of the probability).
 const IDLE_SIGMAS: f64 = 6.0;
-/// Excess below which a constraint counts as holding: 1 mm, 1 mm/s, 1 mrad.
+/// Maximum excess of a constraint that holds: 1 mm, 1 mm/s, 1 mrad.
 pub(super) const TOLERANCE: f64 = 1e-3;
 
-/// One constraint's work within a call.
+/// State of one constraint during a call.
 pub(super) struct Task {
-    /// The constraint's place in the list given.
+    /// Index in the given list of constraints.
     pub(super) index: usize,
     pub(super) constraint: Constraint,
     pub(super) before: f64,
@@ -30,8 +30,8 @@ pub(super) struct Task {
 }
 
 impl Task {
-    /// Looks at a constraint at the prior.
-    pub(super) fn new(index: usize, constraint: Constraint, prior: &At<'_>) -> Self {
+    /// Examines a constraint at the prior.
+    pub(super) fn new(index: usize, constraint: Constraint, prior: &ConstrainedState<'_>) -> Self {
         let mut task = Self {
             index,
             constraint,
@@ -50,9 +50,9 @@ impl Task {
         task
     }
 
-    /// Whether the constraint has nothing to do at the prior, for good.
-    fn examine(&mut self, prior: &At<'_>) -> Result<bool, SkipReason> {
-        let At { state, covariance, options } = *prior;
+    /// Whether the constraint has no effect at the prior.
+    fn examine(&mut self, prior: &ConstrainedState<'_>) -> Result<bool, SkipReason> {
+        let ConstrainedState { state, covariance, options } = *prior;
         let phones = self.constraint.phones();
         let is_unknown = |(n, phone): (usize, &usize)| {
             *phone >= state.len() / STATES_PER_PHONE || phones.iter().take(n).any(|other| other == phone)
@@ -77,11 +77,11 @@ impl Task {
             return if contradicted { Err(SkipReason::Contradicted) } else { Ok(false) };
         }
         let idle = |bounded: &BoundedRow| is_idle(bounded, state, covariance);
-        // An idle constraint may still be violated when another one has moved its phones: it is looked at again.
+        // An idle constraint may be violated after another one has moved its phones, so it is checked again.
         Ok(!options.act_when_inside || rows.iter().flatten().all(idle))
     }
 
-    /// What it did, if anything.
+    /// The report on the constraint, if it acted or was skipped.
     pub(super) fn report(
         &self,
         prior: &DVector<f64>,
@@ -111,7 +111,7 @@ impl Task {
     }
 }
 
-/// How far a row's mean is out of its interval, in standard deviations; 0 inside, or without a variance to tell.
+/// Excess of a row's mean over its interval in standard deviations; 0 inside, or without a variance.
 fn outside_sigmas(bounded: &BoundedRow, state: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
     let mean = bounded.row.at(state);
     let excess = (bounded.interval.lower - mean).max(mean - bounded.interval.upper).max(0.0);
@@ -119,7 +119,7 @@ fn outside_sigmas(bounded: &BoundedRow, state: &DVector<f64>, covariance: &DMatr
     if excess > 0.0 && variance > 0.0 { excess / variance.sqrt() } else { 0.0 }
 }
 
-/// Whether a row's interval takes nothing noticeable from its distribution.
+/// Whether the interval of a row cuts off a negligible part of its distribution.
 fn is_idle(bounded: &BoundedRow, state: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
     let margin = IDLE_SIGMAS * bounded.row.variance(covariance).max(0.0).sqrt();
     let mean = bounded.row.at(state);

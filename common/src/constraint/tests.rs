@@ -1,10 +1,10 @@
-//! The traps of truncation, one by one, and the rows against finite differences.
+//! Special cases of truncation, and the rows against finite differences.
 
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::kinds::At;
+use super::kinds::ConstrainedState;
 use super::rows::{BoundedRow, Rows};
 use super::truncation::{Gaussian, Interval, truncate};
 use super::*;
@@ -17,7 +17,7 @@ fn origin() -> LocalFrame {
     LocalFrame::at(Geodetic::from_degrees(31.8935, 118.818, 30.0).geodetic_to_ecef())
 }
 
-/// Phones at displacements from the origin with velocities, both east, north, up.
+/// State of phones at displacements from the origin with velocities, both east, north, up.
 fn state(phones: &[([f64; 3], [f64; 3])]) -> DVector<f64> {
     let frame = origin();
     let enu = |v: [f64; 3]| Enu { east: v[0], north: v[1], up: v[2] };
@@ -30,7 +30,7 @@ fn state(phones: &[([f64; 3], [f64; 3])]) -> DVector<f64> {
     state
 }
 
-/// Independent components: standard deviations of position, velocity and acceleration of each phone.
+/// Covariance with independent components: standard deviations of position, velocity and acceleration per phone.
 fn covariance(sigmas: &[[f64; 3]]) -> DMatrix<f64> {
     let diagonal = sigmas.iter().flat_map(|s| s.iter().flat_map(|sigma| [sigma * sigma; 3]));
     DMatrix::from_diagonal(&DVector::from_iterator(STATES_PER_PHONE * sigmas.len(), diagonal))
@@ -40,10 +40,10 @@ fn distance(minimum_m: f64, maximum_m: f64) -> Constraint {
     Constraint::Distance(Distance { phones: [0, 1], minimum_m, maximum_m })
 }
 
-/// A constraint's rows at a state that is known exactly.
+/// Rows of a constraint at a state without uncertainty.
 fn rows_at(constraint: Constraint, state: &DVector<f64>, options: &ConstraintOptions) -> Rows {
     let covariance = DMatrix::zeros(state.len(), state.len());
-    constraint.kind().rows(&At { state, covariance: &covariance, options }).unwrap()
+    constraint.kind().rows(&ConstrainedState { state, covariance: &covariance, options }).unwrap()
 }
 
 fn fixed_sequential() -> ConstraintOptions {
@@ -59,7 +59,7 @@ fn far_tail_40_sigma_truncates_to_the_bound() {
     let gaussian = Gaussian { mean: 40.0, variance: 1.0 };
     let interval = Interval { lower: f64::NEG_INFINITY, upper: 0.0 };
     let moments = truncate(gaussian, interval, Enlargement::Fixed).unwrap().moments;
-    // By mpmath: 40 − 40.0249688472…, 6.2266837859e-4.
+    // Reference values from mpmath: 40 − 40.0249688472…, 6.2266837859e-4.
     assert!((moments.mean + 0.024_968_847_2).abs() < 1e-9, "{moments:?}");
     assert!((moments.variance - 6.226_683_785_9e-4).abs() < 1e-12, "{moments:?}");
 }
@@ -133,7 +133,7 @@ fn both_phones_move_in_proportion_to_their_variance() {
 
 #[test]
 fn common_errors_do_not_count_in_a_distance() {
-    // Both phones share 10 m of error; their relative position is known to 0.1 m each.
+    // Both phones share a 10 m error; their relative position is known to 0.1 m each.
     let mut spread = covariance(&[[0.1, 1.0, 1.0], [0.1, 1.0, 1.0]]);
     for axis in 0..3 {
         for (row, column) in [(0, 0), (0, 9), (9, 0), (9, 9)] {
@@ -144,16 +144,16 @@ fn common_errors_do_not_count_in_a_distance() {
     let mut mean = state(&[([0.0; 3], [0.0; 3]), ([2.1, 0.0, 0.0], [0.0; 3])]);
     constrain(&mut mean, &mut spread, &[distance(0.0, 2.0)], &fixed_sequential());
     let after = distance(0.0, 2.0).value(&mean, 0.0).unwrap();
-    // One standard deviation of the difference is 0.14 m: the correction stays of that order.
+    // The standard deviation of the difference is 0.14 m, so the correction is of that order.
     assert!(after > 1.7 && after <= 2.0, "{after}");
-    // The common part is as uncertain as before.
+    // The uncertainty of the common part is unchanged.
     let sum = |p: &DMatrix<f64>| p[(0, 0)] + p[(9, 9)] + 2.0 * p[(0, 9)];
     assert!((sum(&spread) / sum(&prior_spread) - 1.0).abs() < 1e-9);
 }
 
 #[test]
 fn a_constraint_is_not_applied_twice() {
-    // However many sweeps: the bound ends where truncating the state without it puts it, and is not squeezed further.
+    // For any number of sweeps the result is the truncation of the state without the bound, not a repeated truncation.
     let constraints = [Constraint::VerticalVelocity(VerticalVelocity { phone: 0, maximum_mps: 0.3 })];
     let run = |max_sweeps| {
         let mut mean = state(&[([0.0; 3], [0.0, 0.0, 0.5])]);
@@ -166,7 +166,7 @@ fn a_constraint_is_not_applied_twice() {
     let (once, many) = (run(1), run(20));
     assert!((&once.0 - &many.0).amax() < 1e-8 && (&once.1 - &many.1).amax() < 1e-8);
 
-    // And the single truncation is the textbook's.
+    // The single truncation agrees with the textbook.
     let row = rows_at(constraints[0], &once.0, &ConstraintOptions::default())[0].unwrap().row;
     let expected = truncate(
         Gaussian { mean: 0.5, variance: 0.25 },
@@ -180,7 +180,7 @@ fn a_constraint_is_not_applied_twice() {
 
 #[test]
 fn sequential_sweeps_do_not_shrink_what_they_did_before() {
-    // Three phones in a line; both pairs are violated and pull at the middle one, so sweeps repeat.
+    // Three phones in a line; both pairs are violated and move the middle phone, so sweeps repeat.
     let constraints = [
         distance(0.0, 5.0),
         Constraint::Distance(Distance { phones: [1, 2], minimum_m: 0.0, maximum_m: 5.0 }),
@@ -232,7 +232,7 @@ fn headings_wrap() {
             tolerance_rad: tolerance_deg.to_radians(),
         })
     };
-    // Moving at 179°, the course is −179°: 2° apart.
+    // A phone moving at 179° deviates from the course −179° by 2°.
     let course = 179f64.to_radians();
     let mean = state(&[([0.0; 3], [10.0 * course.sin(), 10.0 * course.cos(), 0.0])]);
     for given in [-179.0, 181.0, 541.0] {
@@ -273,7 +273,7 @@ fn a_violated_heading_is_turned_towards_its_course() {
 fn a_phone_at_rest_has_no_heading() {
     let heading = Constraint::Heading(Heading { phone: 0, course_rad: 0.0, tolerance_rad: 0.1 });
     for options in all_options() {
-        // Standing still; slow; fast but not known to be.
+        // Standing still; slow; fast, but with an uncertain speed.
         for (speed, sigma) in [(0.0, 0.1), (0.5, 0.01), (5.0, 4.0)] {
             let mut mean = state(&[([0.0; 3], [speed, 0.0, 0.0])]);
             let mut spread = covariance(&[[5.0, sigma, 0.1]]);
@@ -307,7 +307,7 @@ fn phones_in_one_place_satisfy_an_upper_bound() {
         assert!(constrain(&mut mean, &mut spread, &[distance(0.0, 2.0)], &options).is_empty());
         assert_eq!((&mean, &spread), (&prior, &before));
     }
-    // Full truncation learns that they are close, in all directions, and moves nothing.
+    // Truncation reduces the variance in all directions and moves nothing.
     constrain(&mut mean, &mut spread, &[distance(0.0, 2.0)], &ConstraintOptions::default());
     assert!((&mean - &prior).amax() < 1e-6);
     for axis in 0..3 {
@@ -377,7 +377,7 @@ fn states_without_variance_or_not_finite_are_left_alone() {
 
 #[test]
 fn a_constraint_that_the_state_contradicts_is_reported_and_not_applied() {
-    // Driving north at 15 m/s known to 0.3 m/s, 100 m from the other phone, each known to a metre.
+    // A phone driving north at 15 m/s, known to 0.3 m/s, 100 m from the other phone; each position is known to a metre.
     let prior_state = state(&[([0.0; 3], [0.0, 15.0, 0.0]), ([100.0, 0.0, 0.0], [0.0, 15.0, 0.0])]);
     let prior = covariance(&[[1.0, 0.3, 1.0]; 2]);
     let west = Constraint::Heading(Heading { phone: 0, course_rad: 1.5 * PI, tolerance_rad: 0.2 });
@@ -436,7 +436,7 @@ fn distance_rows_are_the_jacobian() {
         assert!((dense(&row, 18) - numeric).amax() < 1e-6);
         assert!((row.row.at(&at) - distance(1.0, 5.0).value(&at, 0.0).unwrap()).abs() < 1e-8);
     }
-    // The axes across are at right angles to it and to each other, near the pole's direction too.
+    // The axes across are orthogonal to the direction and to each other, also near the pole.
     for direction in [direction, Vector3::z(), Vector3::new(1e-9, 0.0, -1.0).normalize()] {
         let rows = bounded.linearised(&direction, &certain, DistanceModel::Box);
         let rows = rows.map(|row| dense(&row.unwrap(), 18));
@@ -458,7 +458,7 @@ fn vertical_velocity_rows_are_the_jacobian() {
         let options = ConstraintOptions { horizon_s, ..ConstraintOptions::default() };
         let row = rows_at(constraint, &at, &options)[0].unwrap();
         let numeric = differences(&constraint, &at, horizon_s, 1e-2);
-        // Horizontal speed over the Earth's radius is left out of the rows: 10 m/s / 6.4e6 m.
+        // The rows neglect horizontal speed over the Earth's radius: 10 m/s / 6.4e6 m.
         assert!((dense(&row, 18) - numeric).amax() < 2e-6);
     }
 }
@@ -476,7 +476,7 @@ fn speed_rows_are_the_jacobian() {
         let rows = rows_at(speed(1.0, 9.0), &at, &options);
         let row = rows[0].unwrap();
         let numeric = differences(&speed(1.0, 9.0), &at, horizon_s, 1e-2);
-        // Vertical speed over the Earth's radius is left out of the rows.
+        // The rows neglect vertical speed over the Earth's radius.
         assert!((dense(&row, 9) - numeric).amax() < 2e-6);
         let value = speed(1.0, 9.0).value(&at, horizon_s).unwrap();
         assert!((row.row.at(&at) - value).abs() < 1e-8 && rows[1].is_none(), "{value}");
@@ -496,8 +496,8 @@ fn a_speed_stays_below_its_maximum_whatever_is_known_of_its_direction() {
             assert_eq!(actions[0].outcome, ConstraintOutcome::Holds, "{actions:?}");
             let up = mean.fixed_rows::<3>(3).dot(&origin().up());
             assert!((up - velocity[2]).abs() < 1e-3, "the vertical velocity is none of its business: {up}");
-            // Every component is known better than the bound on it (a uniform distribution has maximum/√3), but for the one across
-            // a direction that is certain.
+            // Every component is known better than its bound (a uniform distribution has maximum/√3), except that across
+            // a certain direction.
             let east = origin().vector_enu_to_ecef(Enu { east: 1.0, north: 0.0, up: 0.0 }).0;
             let variance = east.dot(&(spread.fixed_view::<3, 3>(3, 3) * east));
             assert!(variance < 0.95 * sigma * sigma, "{velocity:?}: {variance}");
@@ -521,7 +521,7 @@ fn a_least_speed_needs_a_direction_that_is_certain() {
         let (actions, is_untouched, _) = run(speed_mps, sigma);
         assert!(actions.is_empty() && is_untouched, "{speed_mps} {sigma}: {actions:?}");
     }
-    // Twenty standard deviations: one of the two is wrong.
+    // Twenty standard deviations: state and constraint contradict each other.
     let (actions, is_untouched, _) = run(3.0, 0.05);
     assert_eq!(actions[0].outcome, ConstraintOutcome::Skipped(SkipReason::Contradicted));
     assert!(is_untouched);
@@ -529,7 +529,7 @@ fn a_least_speed_needs_a_direction_that_is_certain() {
 
 #[test]
 fn heading_rows_have_the_derivative_of_the_course_at_their_edge() {
-    // On the edge of the tolerance the half-plane's row is speed times the gradient of the angle off course.
+    // At the edge of the tolerance the row of the half-plane is speed times the gradient of the angle off course.
     let (course, tolerance, speed) = (4.0f64, 0.2f64, 12.0);
     for (side, index) in [(1.0, 1), (-1.0, 2)] {
         let angle = course + side * tolerance;
@@ -541,7 +541,7 @@ fn heading_rows_have_the_derivative_of_the_course_at_their_edge() {
         assert!(row.row.times(&at).abs() < 1e-5, "{}", row.row.times(&at));
         let numeric = differences(&constraint, &at, 0.0, 1e-3) * (side * speed);
         assert!((dense(&row, 9) - numeric).rows(3, 3).amax() < 1e-6);
-        // Ahead of the phone is inside the first half-plane.
+        // A velocity in the phone's direction is within the first half-plane.
         assert!(rows[0].unwrap().row.times(&at) < 0.0);
     }
 }

@@ -1,11 +1,11 @@
-//! One scalar, one interval: truncation with the enlargement of Algorithm 1.
+//! Truncation of a scalar to an interval, with the enlargement of Algorithm 1.
 
 use serde::{Deserialize, Serialize};
 
 use crate::statistics::{log_interval_probability, truncated_moments};
 
-/// Intervals narrower than this many standard deviations are widened to it about their centre, so that an equality
-/// leaves a variance to work with.
+/// Minimum width of an interval in standard deviations; narrower intervals are widened about their centre, so that an equality leaves a
+/// variance.
 const LEAST_WIDTH_SIGMAS: f64 = 1e-4;
 /// Half-width of the first enlargement of an interval without width, in standard deviations.
 const FIRST_HALF_WIDTH_SIGMAS: f64 = 0.01;
@@ -19,7 +19,7 @@ pub struct Interval {
     pub upper: f64,
 }
 
-/// A normal distribution of one variable.
+/// Normal distribution of one variable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian {
     /// Mean.
@@ -28,43 +28,43 @@ pub struct Gaussian {
     pub variance: f64,
 }
 
-/// What to do with an interval that the state contradicts.
+/// Treatment of an interval that the state contradicts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Enlargement {
-    /// Keep it: the constraint is true and the state is wrong.
+    /// The interval is kept: the constraint is true and the state is wrong.
     Fixed,
-    /// Algorithm 1: while the truncated moments give the interval a probability below 1 − `confidence`, make it `factor`
-    /// times as wide about its centre (one-sided ones move their bound, courses widen their tolerance).
+    /// Algorithm 1: while the truncated moments give the interval a probability below 1 − `confidence`, the interval is widened about its
+    /// centre by `factor` (one-sided intervals move their bound, courses widen their tolerance).
     ///
-    /// Beware: for a mean far outside the truncated distribution is nearly exponential and its moments give the interval about
-    /// 0.84. With the paper's 0.1 the interval then grows until it reaches the mean, and the correction is all but lost.
+    /// For a mean far outside, the truncated distribution is nearly exponential, and its moments give the interval a probability of about
+    /// 0.84. With the paper's 0.1 the interval then grows until it reaches the mean, and the correction is almost lost.
     Peng {
         /// The paper's c, 0.1.
         confidence: f64,
-        /// The paper's 1.5; above 1.
+        /// The paper's factor, 1.5; above 1.
         factor: f64,
-        /// Bound on the number of enlargements.
+        /// Maximum number of enlargements.
         max_iterations: u32,
     },
 }
 
-/// The result of a truncation.
+/// Result of a truncation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truncation {
     /// Moments within the interval.
     pub moments: Gaussian,
-    /// How often the interval was enlarged.
+    /// Number of enlargements of the interval.
     pub enlargements: u32,
 }
 
 impl Interval {
-    /// Up to `maximum` from zero in both directions.
+    /// Interval from −`maximum` to `maximum`.
     pub fn within(maximum: f64) -> Self {
         Self { lower: -maximum, upper: maximum }
     }
 
-    /// How far a value is outside; 0 inside, NaN for NaN.
+    /// Distance of a value from the interval; 0 inside, NaN for NaN.
     pub fn excess(&self, value: f64) -> f64 {
         if value < self.lower {
             self.lower - value
@@ -77,13 +77,13 @@ impl Interval {
         }
     }
 
-    /// Whether a value is inside, bounds included.
+    /// Whether a value is within the interval, bounds included.
     pub fn contains(&self, value: f64) -> bool {
         self.lower <= value && value <= self.upper
     }
 
-    /// The interval after `times` enlargements. One with two bounds grows about its centre; a single bound moves outwards
-    /// by its own size or `sigma`, whichever is larger, times factor^`times` − 1.
+    /// The interval after `times` enlargements. An interval with two bounds grows about its centre; a single bound moves outwards by the
+    /// larger of its size and `sigma`, times factor^`times` − 1.
     fn enlarged(&self, factor: f64, times: u32, sigma: f64) -> Self {
         if times == 0 {
             return *self;
@@ -103,11 +103,11 @@ impl Interval {
         Self { lower, upper }
     }
 
-    /// In standard deviations from the mean, at least [`LEAST_WIDTH_SIGMAS`] wide.
+    /// The interval in standard deviations from the mean, at least [`LEAST_WIDTH_SIGMAS`] wide.
     fn standardised(&self, gaussian: Gaussian) -> (f64, f64) {
         let sigma = gaussian.variance.sqrt();
         let (lower, upper) = ((self.lower - gaussian.mean) / sigma, (self.upper - gaussian.mean) / sigma);
-        // Far out two doubles of this distance may coincide.
+        // At large distances two doubles with this difference may coincide.
         let least = LEAST_WIDTH_SIGMAS.max(1e-12 * lower.abs().min(upper.abs()));
         if upper - lower < least {
             let centre = 0.5 * (lower + upper);
@@ -118,9 +118,9 @@ impl Interval {
     }
 }
 
-/// The moments of a normal distribution within an interval, which the policy may enlarge.
+/// Moments of a normal distribution within an interval, enlarged if the policy says so.
 ///
-/// `None` when the distribution has no positive finite variance, or a result is not finite.
+/// `None` if the distribution has no positive finite variance, or a result is not finite.
 pub fn truncate(gaussian: Gaussian, interval: Interval, policy: Enlargement) -> Option<Truncation> {
     match policy {
         Enlargement::Fixed => {
@@ -141,13 +141,13 @@ pub fn truncate(gaussian: Gaussian, interval: Interval, policy: Enlargement) -> 
     }
 }
 
-/// Whether an interval has the probability 1 − `confidence` or more under a distribution (Algorithm 1, steps 9-10).
+/// Whether an interval has a probability of at least 1 − `confidence` under a distribution (Algorithm 1, steps 9-10).
 pub(super) fn plausible(gaussian: Gaussian, interval: Interval, confidence: f64) -> bool {
     let (lower, upper) = interval.standardised(gaussian);
     log_interval_probability(lower, upper) >= (1.0 - confidence).ln()
 }
 
-/// The moments of a normal distribution within an interval, as they are.
+/// Moments of a normal distribution within an interval, without enlargement.
 pub(super) fn moments_within(gaussian: Gaussian, interval: Interval) -> Option<Gaussian> {
     if !(gaussian.variance > 0.0 && gaussian.variance.is_finite() && gaussian.mean.is_finite()) {
         return None;

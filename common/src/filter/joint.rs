@@ -1,4 +1,4 @@
-//! The joint state: phones come, move, are measured, and go.
+//! The joint filter: adding, predicting, updating and removing phones.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -9,26 +9,25 @@ use crate::integrity::Verdict;
 use crate::solve::{PointSolution, VelocitySolution};
 use crate::time::GpsTime;
 
-/// Predictions are made in steps of at most this, s.
+/// Maximum length of a prediction step, s.
 const LONGEST_STEP_S: f64 = 1.0;
-/// A phone's vertical is computed anew after it moved this far, m (0.001° of tilt).
+/// Distance after which a phone's vertical is computed again, m (0.001° of tilt).
 const VERTICAL_VALID_M: f64 = 100.0;
 /// Standard deviations of a new phone's velocity without Doppler (m/s) and of its acceleration (m/s²).
 const NEW_VELOCITY_SIGMA_MPS: f64 = 15.0;
 const NEW_ACCELERATION_SIGMA_MPS2: f64 = 1.5;
-/// Added to the standard deviation of a velocity from Doppler, m/s: one epoch may hold an outlier.
+/// Added to the standard deviation of a velocity from Doppler, m/s, because one epoch may contain an outlier.
 const DOPPLER_FLOOR_MPS: f64 = 0.5;
 
-/// A phone is lost after this many updates in a row that rejected most of their pseudoranges.
+/// Number of consecutive updates with most pseudoranges rejected after which a phone is lost.
 const LOST_AFTER: u32 = 5;
-/// Factors on the covariances of the epoch-wise solution that a phone starts from, by its verdict.
+/// Factors on the covariances of the epoch-wise solution at initialisation, by its verdict.
 const START_INFLATION: f64 = 4.0;
 const UNRELIABLE_INFLATION: f64 = 100.0;
 
-/// A Gaussian over the states of all phones that are present.
+/// Gaussian distribution over the states of all present phones.
 ///
-/// Phones are known by the number that the caller gave them; [`JointFilter::slot`] tells where a phone's nine states
-/// stand: slot s has them at 9s.
+/// Phones are identified by the caller's numbers; [`JointFilter::slot`] gives the slot of a phone. The nine states of slot s start at 9s.
 #[derive(Clone, Debug)]
 pub struct JointFilter {
     pub(super) options: FilterOptions,
@@ -44,30 +43,30 @@ struct Slot {
     up: Vector3<f64>,
     up_at: Ecef,
     measured: GpsTime,
-    /// Consecutive updates that rejected most of their pseudoranges.
+    /// Number of consecutive updates that rejected most of their pseudoranges.
     rejecting: u32,
 }
 
-/// What a new phone starts from.
+/// Initial state of a new phone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Position, m.
     pub position: Ecef,
     /// Covariance of the position, m².
     pub position_covariance: Matrix3<f64>,
-    /// Velocity, if it was measured.
+    /// Velocity, if measured.
     pub velocity: Option<VelocitySolution>,
 }
 
 impl Start {
-    /// From an epoch-wise solution, its covariances widened: one epoch may hold an outlier, and one that RAIM does not
-    /// call reliable probably does.
+    /// Initial state from an epoch-wise solution, with inflated covariances, because one epoch may contain an outlier; more for a solution
+    /// that RAIM does not call reliable.
     pub fn at_solution(solution: &PointSolution, verdict: Verdict) -> Self {
         let inflation = if verdict == Verdict::Reliable { START_INFLATION } else { UNRELIABLE_INFLATION };
         let floor = Matrix3::identity() * DOPPLER_FLOOR_MPS.powi(2);
         let widened =
             |v: VelocitySolution| VelocitySolution { covariance: v.covariance * inflation + floor, ..v };
-        // A velocity that is known worse than that of any car says nothing.
+        // A velocity with an uncertainty above any car's speed contains no information.
         let useful = |v: &VelocitySolution| v.covariance.diagonal().max() < NEW_VELOCITY_SIGMA_MPS.powi(2);
         Self {
             position: solution.position,
@@ -89,7 +88,7 @@ impl JointFilter {
         }
     }
 
-    /// The time that the state is for.
+    /// Time of the state, GPS time.
     pub const fn time_gps(&self) -> GpsTime {
         self.time_gps
     }
@@ -104,12 +103,12 @@ impl JointFilter {
         self.slots.is_empty()
     }
 
-    /// Where a phone's states stand, if it is present.
+    /// Slot of a phone, if it is present.
     pub fn slot(&self, phone: usize) -> Option<usize> {
         self.slots.iter().position(|slot| slot.phone == phone)
     }
 
-    /// Adds a phone, independent of the others, at the filter's time (at `time_gps` when it is the first).
+    /// Adds a phone, independent of the others, at the filter's time (at `time_gps` if it is the first).
     pub fn insert(&mut self, phone: usize, time_gps: GpsTime, start: &Start) {
         if self.is_empty() {
             self.time_gps = time_gps;
@@ -136,7 +135,7 @@ impl JointFilter {
         self.slots.push(Slot { phone, up, up_at: start.position, measured: time_gps, rejecting: 0 });
     }
 
-    /// Takes a phone out; the others keep their joint distribution (marginalisation).
+    /// Removes a phone; the others keep their joint distribution (marginalisation).
     pub fn remove(&mut self, slot: usize) {
         if slot >= self.slots.len() {
             return;
@@ -149,8 +148,8 @@ impl JointFilter {
         self.covariance = covariance.remove_rows(at, states).remove_columns(at, states);
     }
 
-    /// Takes out the phones that were last measured longer than the largest gap before `time_gps`: nothing can be said of
-    /// them any more. Returns their numbers and how long they were silent, s.
+    /// Removes the phones whose last measurement is longer before `time_gps` than the maximum gap. Returns their numbers and the length of
+    /// their silence, s.
     pub fn drop_silent(&mut self, time_gps: GpsTime) -> Vec<(usize, f64)> {
         let limit_s = self.options.maximum_gap_s;
         let silent: Vec<(usize, f64)> = self
@@ -167,8 +166,8 @@ impl JointFilter {
         silent
     }
 
-    /// Predicts all phones to `time_gps`; a time at or before the filter's leaves it alone. Phones that are silent for too long
-    /// are to be taken out before ([`JointFilter::drop_silent`]): this bounds the prediction.
+    /// Predicts all phones to `time_gps`; a time at or before the filter's has no effect. [`JointFilter::drop_silent`] must be called
+    /// before, to bound the length of the prediction.
     pub fn predict(&mut self, time_gps: GpsTime) {
         let total_s = time_gps - self.time_gps;
         if total_s <= 0.0 || self.is_empty() {
@@ -177,7 +176,7 @@ impl JointFilter {
         let steps = (total_s / LONGEST_STEP_S).ceil().max(1.0);
         let step = Step::new(total_s / steps, &self.options.process);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        // a few, after `drop_silent`
+        // a small number, after `drop_silent`
         for _ in 0..steps as u64 {
             self.advance(&step);
         }
@@ -187,7 +186,7 @@ impl JointFilter {
     fn advance(&mut self, step: &Step) {
         step.advance_mean(&mut self.mean);
         step.advance_covariance(&mut self.covariance);
-        // Columns and rows were rounded in a different order; P is symmetric to the last bit everywhere else.
+        // Rounding differs between columns and rows; P is exactly symmetric everywhere else.
         self.covariance.fill_upper_triangle_with_lower_triangle();
         for slot in 0..self.slots.len() {
             let up = self.vertical(slot);
@@ -210,20 +209,20 @@ impl JointFilter {
         Ecef::new(self.mean[at], self.mean[at + 1], self.mean[at + 2])
     }
 
-    /// Notes an update that kept `kept` of `offered` pseudoranges.
+    /// Records an update that kept `kept` of `offered` pseudoranges.
     pub(super) fn mark_measured(&mut self, slot: usize, kept: usize, offered: usize) {
         let slot = &mut self.slots[slot];
         slot.measured = self.time_gps;
         slot.rejecting = if 2 * kept < offered { slot.rejecting + 1 } else { 0 };
     }
 
-    /// Whether a phone's prediction has contradicted most of its pseudoranges for five epochs in succession. The
-    /// prediction is then wrong, and the phone should be initialised again.
+    /// Whether the prediction of a phone has contradicted most of its pseudoranges for five consecutive epochs. The prediction is then
+    /// wrong, and the phone should be initialised again.
     pub fn is_lost(&self, slot: usize) -> bool {
         self.slots.get(slot).is_some_and(|slot| slot.rejecting >= LOST_AFTER)
     }
 
-    /// A phone's part of the state.
+    /// State of one phone.
     pub fn state(&self, slot: usize) -> Option<PhoneState> {
         if slot >= self.slots.len() {
             return None;
@@ -248,8 +247,8 @@ impl JointFilter {
         Some(u.dot(&(relative * u)).max(0.0).sqrt())
     }
 
-    /// Mean and covariance, for constraints to act on.
-    pub const fn law_mut(&mut self) -> (&mut DVector<f64>, &mut DMatrix<f64>) {
+    /// Mean and covariance, mutable for the constraints.
+    pub const fn distribution_mut(&mut self) -> (&mut DVector<f64>, &mut DMatrix<f64>) {
         (&mut self.mean, &mut self.covariance)
     }
 

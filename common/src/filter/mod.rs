@@ -36,12 +36,12 @@ use crate::frames::{Ecef, EcefVector};
 /// States of one phone: position, velocity, acceleration, three ECEF components each.
 pub const STATES_PER_PHONE: usize = 9;
 
-/// One phone's part of a filter's state.
+/// State of one phone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhoneState {
     /// Position (m), velocity (m/s), acceleration (m/s²), ECEF.
     pub mean: SVector<f64, STATES_PER_PHONE>,
-    /// Its covariance.
+    /// Covariance of the state.
     pub covariance: SMatrix<f64, STATES_PER_PHONE, STATES_PER_PHONE>,
 }
 

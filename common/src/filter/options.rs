@@ -1,24 +1,24 @@
-//! What the joint filter may be told.
+//! Options of the joint filter.
 
 use serde::{Deserialize, Serialize};
 
-/// Parameters of the filter.
+/// Options of the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilterOptions {
-    /// How phones move.
+    /// Motion model of the phones.
     pub process: ProcessNoise,
-    /// Factor on the standard deviation of a pseudorange: multipath is correlated from epoch to epoch, and a filter that
-    /// takes it for white noise trusts it too much.
+    /// Factor on the standard deviation of a pseudorange. Multipath is correlated from epoch to epoch; treated as white noise it would get
+    /// too much weight.
     pub code_sigma_scale: f64,
     /// Factor on the standard deviation of a range rate.
     pub rate_sigma_scale: f64,
     /// Down-weighting of large innovations.
     pub robust: RobustWeights,
-    /// A phone silent for longer than this is initialised anew, s.
+    /// Maximum gap in the measurements of a phone, s; after a longer gap it is initialised anew.
     pub maximum_gap_s: f64,
 }
 
-/// White jerk drives acceleration, which decays with a time constant.
+/// Motion model: white jerk drives the acceleration, which decays exponentially.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ProcessNoise {
     /// Spectral density of the horizontal jerk, m²/s⁵.
@@ -29,17 +29,17 @@ pub struct ProcessNoise {
     pub acceleration_time_s: f64,
 }
 
-/// IGG III on standardised innovations (Li 2022, Eq. 6): full weight to `keep`, none from `reject`.
+/// IGG III weights on standardised innovations (Li 2022, Eq. 6): weight 1 up to `keep`, 0 from `reject`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RobustWeights {
-    /// k0: weight 1 up to this many standard deviations; infinite: never down-weight.
+    /// k0: weight 1 up to this number of standard deviations; infinite: never down-weight.
     pub keep: f64,
-    /// k1: weight 0 from this many standard deviations.
+    /// k1: weight 0 from this number of standard deviations.
     pub reject: f64,
 }
 
 impl FilterOptions {
-    /// Peng 2023: constant acceleration, white jerk with σ_a² = (0.01 m)² per second (Eq. 21), plain weights.
+    /// Peng 2023: constant acceleration, white jerk with σ_a² = (0.01 m)² per second (Eq. 21), no robust weights.
     pub const fn peng2023() -> Self {
         Self {
             process: ProcessNoise {
@@ -56,8 +56,7 @@ impl FilterOptions {
 }
 
 impl Default for FilterOptions {
-    /// Our own, for road vehicles: round values between those that searches on two recorded sessions found, checked on a
-    /// third; see docs/results.md.
+    /// Values for road vehicles, rounded from searches on two recorded sessions and checked on a third; see docs/results.md.
     fn default() -> Self {
         Self {
             process: ProcessNoise { horizontal_m2ps5: 0.5, vertical_m2ps5: 0.005, acceleration_time_s: 5.0 },
@@ -70,7 +69,7 @@ impl Default for FilterOptions {
 }
 
 impl RobustWeights {
-    /// The factor γ on the weight of a measurement whose standardised innovation is `standardised`:
+    /// Factor γ on the weight of a measurement with standardised innovation `standardised`:
     /// 1 up to k0, (k0/|v|)·((k1 − |v|)/(k1 − k0))² between, 0 from k1.
     pub fn factor(&self, standardised: f64) -> f64 {
         let v = standardised.abs();

@@ -1,27 +1,26 @@
 //! Prediction of one phone: position, velocity and a decaying acceleration driven by white jerk.
 //!
-//! For Δt, with τ the acceleration's time constant, a jerk impulse at s before the end leaves g_a = e^(−s/τ) in the
-//! acceleration, g_v = τ(1 − e^(−s/τ)) in the velocity and g_r = τ²(s/τ − 1 + e^(−s/τ)) in the position. So
-//! F = [1 Δt g_r(Δt); 0 1 g_v(Δt); 0 0 g_a(Δt)] ⊗ I₃, Peng Eq. 22 as τ → ∞, and the noise of a white jerk of spectral
-//! density q is Q_ij = q∫₀^Δt g_i g_j ds. As τ → ∞ that is q·[Δt⁵/20 Δt⁴/8 Δt³/6; Δt⁴/8 Δt³/3 Δt²/2; Δt³/6 Δt²/2 Δt]:
-//! Eq. 21 with σ_a² = q·Δt. A second in two steps gains the same noise as in one.
+//! With the time constant τ of the acceleration, a unit jerk impulse at time s before the end changes the acceleration by g_a = e^(−s/τ),
+//! the velocity by g_v = τ(1 − e^(−s/τ)) and the position by g_r = τ²(s/τ − 1 + e^(−s/τ)). So F = [1 Δt g_r(Δt); 0 1 g_v(Δt); 0 0 g_a(Δt)]
+//! ⊗ I₃, Peng Eq. 22 as τ → ∞, and the noise of a white jerk of spectral density q is Q_ij = q∫₀^Δt g_i g_j ds. As τ → ∞ that is q·[Δt⁵/20
+//! Δt⁴/8 Δt³/6; Δt⁴/8 Δt³/3 Δt²/2; Δt³/6 Δt²/2 Δt]: Eq. 21 with σ_a² = q·Δt. Two half steps add the same noise as one step.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::ProcessNoise;
 use crate::statistics::quadrature;
 
-/// What a unit jerk impulse leaves behind after a time: position, velocity, acceleration.
+/// Response of position, velocity and acceleration to a unit jerk impulse after a time.
 fn response(after_s: f64, time_constant_s: f64) -> [f64; 3] {
     let x = after_s / time_constant_s;
     let lost = -(-x).exp_m1();
-    // x − (1 − e^(−x)) cancels for small x.
+    // x − (1 − e^(−x)) loses digits by cancellation for small x.
     let curvature = if x < 1e-3 { 0.5 - x / 6.0 + x * x / 24.0 } else { (x - lost) / (x * x) };
     let slope = if x < 1e-9 { 1.0 } else { lost / x };
     [curvature * after_s * after_s, slope * after_s, 1.0 - lost]
 }
 
-/// The scalar coefficients of a step.
+/// Scalar coefficients of a prediction step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Step {
     dt_s: f64,
@@ -48,12 +47,12 @@ impl Step {
         Self { dt_s, position_from_acceleration, velocity_from_acceleration, decay, noise }
     }
 
-    /// x ← Fx for every phone.
+    /// x ← Fx for each phone.
     pub fn advance_mean(&self, mean: &mut DVector<f64>) {
         self.advance(mean.as_mut_slice());
     }
 
-    /// P ← FPFᵀ: the columns, then the rows.
+    /// P ← FPFᵀ: first the columns, then the rows.
     pub fn advance_covariance(&self, covariance: &mut DMatrix<f64>) {
         let n = covariance.nrows();
         let data = covariance.as_mut_slice();
@@ -93,7 +92,7 @@ impl Step {
         ]
     }
 
-    /// Adds the noise of this step to the phone whose states start at `offset`; `up` is its vertical.
+    /// Adds the process noise of this step to the phone with states from `offset`; `up` is its vertical.
     pub fn add_noise(
         &self,
         covariance: &mut DMatrix<f64>,

@@ -1,11 +1,11 @@
-//! Measurement update of one phone: code and Doppler, clocks eliminated, innovations weighted robustly.
+//! Measurement update of one phone from code and Doppler, with eliminated clocks and robust weights on innovations.
 //!
-//! Innovations are weighted against the variance of the measurement and of the predicted position; that of the clock, which is
-//! estimated from the same few innovations, is left out.
+//! The weight of an innovation depends on the variances of the measurement and of the predicted position. The variance of the clock, which
+//! is estimated from the same few innovations, is neglected.
 //!
-//! A phone's rows are first compressed to its own three position (or velocity) states: with the clocks eliminated,
+//! The rows of a phone are first compressed to its own three position (or velocity) states: with the clocks eliminated,
 //! the information of the epoch is (A, b), A = Σ w h̃h̃ᵀ. With A = LLᵀ the rows z = L⁻¹b, H = Lᵀ have unit noise and
-//! are applied one by one in Joseph form; the joint covariance never meets more than three rows per kind.
+//! are applied one by one in Joseph form, so that the joint covariance is updated with at most three rows per kind of measurement.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -16,18 +16,18 @@ use crate::solve::groups::ClockGroups;
 use crate::solve::position::code_row;
 use crate::solve::velocity::rate_row;
 
-/// Rounds of reweighting.
+/// Number of reweighting iterations.
 const ROUNDS: usize = 3;
 
-/// The states that a kind of measurement sees: position at 0, velocity at 3 within a phone.
+/// Offsets of the measured states within a phone: position 0, velocity 3.
 const POSITION: usize = 0;
 const VELOCITY: usize = 3;
 
 impl JointFilter {
-    /// Updates the phone in `slot` with its observations of the filter's present time.
+    /// Updates the phone in `slot` with its observations at the filter's present time.
     ///
-    /// All observations are offered, those that the phone's own RAIM excluded too: against a prediction the filter can
-    /// judge them better, and rejects by innovation. A slot that does not exist changes nothing.
+    /// The observations include those excluded by the phone's own RAIM: the filter judges them better against its prediction, and rejects
+    /// them by their innovations. A slot that does not exist changes nothing.
     pub fn update(&mut self, slot: usize, observations: &[CorrectedObservation]) {
         if slot >= self.len() {
             return;
@@ -57,8 +57,8 @@ impl JointFilter {
         }
     }
 
-    /// Multiplies the rows' weights by their robust factors, which it returns. Clocks start from weighted medians, so
-    /// that one outlier does not pull its whole group.
+    /// Multiplies the rows' weights by their robust factors and returns the factors. Clocks start from weighted medians, so that one
+    /// outlier does not shift all rows of its group.
     fn weight(&self, at: usize, rows: &mut [Row], group_count: usize) -> Vec<f64> {
         let robust: RobustWeights = self.options.robust;
         let prior = self.covariance.fixed_view::<3, 3>(at, at).into_owned();
@@ -85,7 +85,7 @@ impl JointFilter {
         factors
     }
 
-    /// Applies the information (A, b) about the three states at `at`. Returns whether there was any.
+    /// Applies the information (A, b) about the three states from `at`. Returns whether there was any information.
     fn apply(&mut self, at: usize, eliminated: &Eliminated) -> bool {
         let (root, rows) = compress(eliminated);
         let mut correction = Vector3::zeros();
@@ -103,7 +103,7 @@ impl JointFilter {
         has_information
     }
 
-    /// One row with unit noise, in Joseph form: P ← (I − KHᵀ)P(I − KHᵀ)ᵀ + KKᵀ.
+    /// Applies one row with unit noise in Joseph form: P ← (I − KHᵀ)P(I − KHᵀ)ᵀ + KKᵀ.
     fn apply_row(&mut self, at: usize, h: &Vector3<f64>, innovation: f64) {
         let ph = self.covariance.fixed_columns::<3>(at) * h;
         let s = h.dot(&ph.fixed_rows::<3>(at)) + 1.0;
@@ -113,7 +113,7 @@ impl JointFilter {
         for (column, (kj, pj)) in self.covariance.as_mut_slice().chunks_exact_mut(n).zip(gain.iter().zip(ph))
         {
             for (value, (ki, pi)) in column.iter_mut().zip(gain.iter().zip(ph)) {
-                // Written so that (i, j) and (j, i) round alike: P stays symmetric to the last bit.
+                // The form is symmetric in i and j, so (i, j) and (j, i) round alike and P stays exactly symmetric.
                 *value += s * (ki * kj) - (ki * pj + pi * kj);
             }
         }
@@ -144,7 +144,7 @@ fn compress(eliminated: &Eliminated) -> (Matrix3<f64>, Vector3<f64>) {
     (root, z)
 }
 
-/// Weighted median of the innovations of one clock; 0 when it has none.
+/// Weighted median of the innovations of one clock; 0 without innovations.
 fn weighted_median(rows: &[Row], group: usize) -> f64 {
     let mut values: Vec<(f64, f64)> =
         rows.iter().filter(|row| row.group == group).map(|row| (row.y, row.weight)).collect();
@@ -180,7 +180,7 @@ mod tests {
         }
     }
 
-    /// Two phones, made dependent by a fictitious difference measurement, ready for an update.
+    /// Two phones, correlated by a fictitious difference measurement, ready for an update.
     fn dependent_pair(options: FilterOptions) -> (Receiver, JointFilter) {
         let receiver = Receiver::in_wuhan();
         let time = GpsTime::from_week_tow(2118, 100.0);
@@ -204,7 +204,7 @@ mod tests {
         let position = filter.position(1);
         filter.update(1, &observations);
 
-        // The textbook: clocks as states with a variance so large that it is none.
+        // Textbook solution: clocks as states with a very large variance.
         let (m, n) = (observations.len(), prior_mean.len());
         let groups = ClockGroups::of(observations.iter());
         let clock_columns = groups.len() + 1;

@@ -1,43 +1,45 @@
-//! Epochs of several phones brought together by GPS time. No I/O, no clock of its own.
+//! Alignment of the epochs of several phones by GPS time. No I/O, no clock of its own.
 //!
-//! Phones' epochs are sub-millisecond to half a second apart, start and stop at different seconds and may come at
-//! different rates. The messages of each phone are in order; those of different phones arrive in any interleaving.
+//! Receive times of different phones differ by less than a millisecond to half a second. Phones start and stop at different seconds and may
+//! have different rates. Messages of one phone are in order; messages of different phones arrive in any order.
 //!
-//! **Rule.** The earliest waiting message is the anchor of a bucket. The other phones' earliest messages, in order of
-//! time, join it while each
+//! **Rule.** The earliest waiting message is the anchor of a bucket. The earliest messages of the other phones join it in order of time
+//! while each
 //! - lies within the tolerance (half an epoch interval) of the anchor, and
-//! - for every member from before it, is simultaneous (20 ms) with it or not nearer to that phone's next message.
+//! - for every earlier member, is simultaneous with it (20 ms) or not nearer to the next message of that member's phone.
 //!
-//! The first that does not join ends the bucket, so that nothing left behind is earlier than any member: the latest times of
-//! the buckets never decrease. A bucket is complete when the rule can be decided, that is, when every phone that still runs has
-//! a message waiting, and a next one where the rule asks for it. What is decided thus depends on the messages
-//! alone and never on when they arrived.
+//! The first message that does not join ends the bucket. Remaining messages are therefore never earlier than a member, and the latest times
+//! of successive buckets never decrease. A bucket is complete when the rule can be decided: every running phone has a message waiting, and
+//! a second one where the rule needs it. The decision depends on the messages alone, not on their arrival times.
 //!
-//! Three or more phones whose epochs are spread over more than the tolerance fall into alternating buckets; all messages are
-//! used even so.
+//! Three or more phones with epochs spread over more than the tolerance fall into alternating buckets; all messages are used nevertheless.
 //!
-//! **Absurd times.** One message with a wrong date must not turn all later ones into steps backwards. A phone's first message, and one
-//! that is far from the one before it, is held back until the phone's next message follows closely, or is one more of regular steps
-//! (three epochs two hours apart), and is dropped when that does not. Live, the first is believed at once when it is of the time of another phone.
+//! **Wrong dates.** One message with a wrong date must not make all later messages look like steps backwards. The first message of a phone,
+//! and every message far from the previous one, is held back until the next message of the phone confirms it: by following closely, or by
+//! continuing regular steps (three epochs two hours apart). A message without confirmation is dropped. In a live group the first message is
+//! accepted at once if its time is near that of another phone.
 //!
-//! **Live.** Phones come late, lag, fall silent, or send epochs of another time. With W = [`AlignOptions::maximum_wait`] and
-//! [`Aligner::go_on`] called often:
+//! **Live groups.** Phones start late, lag, fall silent, or send epochs of another time. With W = [`AlignOptions::maximum_wait`] and
+//! frequent calls of [`Aligner::go_on`]:
 //!
-//! - **No message waits for a phone longer than W after its arrival.** Then the phones that it waits for are left behind: nobody waits for
-//!   them until they are on time again, and what they send of a time that is fused already is counted and dropped.
-//! - Two kinds of messages are nobody's live position and may wait longer: those of a phone that has finished, and those of one that
-//!   delivered, within the last W, more than [`UNPACED`] · W of epochs (a recording read as fast as it goes, a history being fetched).
-//!   They wait as long as each phone before them delivers something that can be fused at least every W.
-//! - Only a message that can be fused counts: not one of a time that is fused already, not one whose date is not believed, and not that
-//!   an agent is there or that its history is being asked for.
-//! - A phone is on time again when one of its messages can be fused, or comes at most W after the others' of its time.
+//! - **No message waits for a phone longer than W after its arrival.** After W the missing phones are left behind: the group does not wait
+//!   for them
+//!   until they are on time again, and their messages for times already fused are counted and dropped.
+//! - Two kinds of messages are not a current position and may wait longer: messages of a finished phone, and messages of a phone that
+//!   delivered more
+//!   than [`UNPACED_SPEED`] · W of epochs within the last W (a recording read at full speed, or a history being fetched). They wait as long
+//!   as each
+//!   missing phone delivers a fusable message at least every W.
+//! - A message is fusable if its time is not fused yet and its date is confirmed. The presence of an agent or a pending history request
+//!   does not count.
+//! - A phone is on time again when one of its messages is fusable, or arrives at most W after the other phones' messages of that time.
 //!
-//! **Which time is the group's.** A phone may lag because its link is slow, or be right while those that wait for it are ahead of time.
-//! Where a phone that speaks is to be left behind, and does not fall behind further, the two times are weighed (`weight`): first by the hub's own
-//! clock, when one of them agrees with it within W; then by the number of phones with a position, of phones at all, and last by which is nearer
-//! to the hub's clock. The phones of a time that is too light are *ahead*: their messages wait until the group has
-//! come so far, and nobody waits for them. When those who made the group's time are outweighed later, it goes back
-//! ([`Aligner::went_back`]): no phone can lock the others out for good.
+//! **Time of the group.** A lagging phone may have a slow link, or it may be right while the phones waiting for it have a clock that is
+//! ahead. Before a phone that still sends and does not fall behind further is left behind, the support of the two times is compared
+//! (`Support`): first agreement of a phone with the hub's clock within W, then the number of phones with a position, then the number of
+//! phones, last the smaller difference to the hub's clock. Phones at the time with less support are *ahead*: their messages wait until the
+//! group reaches that time, and the group does not wait for these phones. If an earlier time gains more support later, the group returns to
+//! it ([`Aligner::went_back`]), so that no phone can exclude the others permanently.
 
 mod live;
 mod track;
@@ -49,30 +51,31 @@ use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
-use live::{Clock, Given};
+use live::{Clock, FusedBucket};
 pub use live::{Notice, NoticeKind};
-use track::{Accepted, Place, Presence, Track, Waiting};
+use track::{Accepted, DateCheck, Presence, ReceivedEpoch, Track};
 
-/// Live: most messages of a phone that wait for the others; at 1 Hz some hours and some hundred megabytes.
+/// Live: maximum number of waiting messages per phone; some hours at 1 Hz, some hundred megabytes.
 const MAXIMUM_WAITING: usize = 20_000;
-/// Live: speed (epoch time per wall time) above which a phone counts as not paced by any clock.
-pub const UNPACED: f64 = 100.0;
+/// Live: speed (epoch time per wall time) above which a phone counts as unpaced, i.e. as sending faster than it measures.
+pub const UNPACED_SPEED: f64 = 100.0;
 
-/// Why the aligner drops epochs that an agent published and nobody else gave.
+/// Reasons for dropping epochs that an agent published and no other phone replaced.
 pub const LOSSES: [Reason; 3] = [Reason::EpochTooLate, Reason::EpochWentBack, Reason::TooManyEpochsWait];
-/// Epochs of one bucket, by phone; `None` where a phone has none.
+/// Epochs of one bucket, indexed by phone; `None` for a phone without an epoch.
 pub type Bucket = Vec<Option<EpochMessage>>;
 
-/// How epochs are brought together.
+/// Options of the alignment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AlignOptions {
-    /// Largest distance from a bucket's anchor, s: half of the slowest phone's epoch interval.
+    /// Maximum distance from the anchor of a bucket, s: half the epoch interval of the slowest phone.
     pub tolerance_s: f64,
-    /// Messages this close count as simultaneous, s. Two messages of one phone must be further apart.
+    /// Maximum difference of simultaneous messages, s. Two messages of one phone must be further apart.
     pub simultaneous_s: f64,
-    /// A message further ahead of the phone's previous one must be confirmed by the next, s, unless the steps are regular.
+    /// Maximum step between messages of one phone, s; a message after a longer step needs confirmation by the next one, unless the steps
+    /// are regular.
     pub maximum_step_s: f64,
-    /// Live: so long a message waits for other phones, from its arrival on.
+    /// Live: maximum time that a message waits for other phones after its arrival.
     pub maximum_wait: Duration,
 }
 
@@ -87,68 +90,68 @@ impl Default for AlignOptions {
     }
 }
 
-/// Brings the epochs of a group together.
+/// Aligner of the epochs of a group.
 #[derive(Debug)]
 pub struct Aligner {
     tracks: Vec<Track>,
     options: AlignOptions,
-    /// The latest time in any bucket so far.
-    done_to: Option<GpsTime>,
+    /// Latest time of all buckets given out.
+    fused_to_gps: Option<GpsTime>,
     live: bool,
     clock: Clock,
-    /// Live: what was given out of the last messages that arrived.
-    given: VecDeque<Given>,
-    /// The latest time given out before those.
-    given_before: Option<GpsTime>,
-    /// What people should know.
+    /// Live: the last buckets given out, for the arrivals of the last `maximum_wait`.
+    fused: VecDeque<FusedBucket>,
+    /// Latest time of the buckets removed from `fused`.
+    fused_before_gps: Option<GpsTime>,
+    /// Notices for the user since the last call of [`Aligner::notices`].
     notices: Vec<Notice>,
     went_back: bool,
 }
 
-/// Whether the rule can be decided yet.
+/// Decision on whether a message joins a bucket.
 enum Decision {
     Join,
     End,
-    /// Not without the next message of this phone.
+    /// Undecided before the next message of this phone.
     Wait(usize),
 }
 
-/// What comes next.
+/// State of the next bucket.
 enum Next {
     Nothing,
-    /// The phones of the next bucket.
+    /// Complete, with these phones.
     Bucket(Vec<usize>),
-    /// Not decided without a message of one of these.
+    /// Undecided before a message of one of these phones.
     Blocked(Vec<usize>),
 }
 
 impl Aligner {
-    /// For `phones` phones, all of which will deliver: buckets wait for each until [`Aligner::finish`].
+    /// An aligner for `phones` phones that all deliver: buckets wait for each phone until [`Aligner::finish`].
     pub fn new(phones: usize, options: AlignOptions) -> Self {
         Self {
             tracks: (0..phones).map(|_| Track::default()).collect(),
             options,
-            done_to: None,
+            fused_to_gps: None,
             live: false,
             clock: Clock::default(),
-            given: VecDeque::new(),
-            given_before: None,
+            fused: VecDeque::new(),
+            fused_before_gps: None,
             notices: Vec::new(),
             went_back: false,
         }
     }
 
-    /// For `phones` phones that come and go: call [`Aligner::go_on`] often.
+    /// An aligner for `phones` phones that come and go; [`Aligner::go_on`] must be called often.
     pub fn live(phones: usize, options: AlignOptions) -> Self {
         Self { live: true, ..Self::new(phones, options) }
     }
 
     /// Takes a message of the phone with index `phone`, received at `now` by any steady clock. A message that is not later than
-    /// the phone's previous one, or than a bucket already given out, is counted and dropped.
+    /// the previous message of the phone, or earlier than a bucket given out already, is counted and dropped.
     pub fn push(&mut self, phone: usize, message: EpochMessage, now: Duration) {
         let (options, live) = (self.options, self.live);
         let is_new = self.tracks.get(phone).is_some_and(|track| track.latest.is_none());
-        let vouched = live && is_new && self.others_vouch_for(phone, message.time_gps);
+        let confirmed_by_others = live && is_new && self.is_confirmed_by_others(phone, message.time_gps);
         let Some(track) = self.tracks.get_mut(phone) else { return };
         if live && track.queue.len() >= MAXIMUM_WAITING {
             track.skips.add(Reason::TooManyEpochsWait, || {
@@ -156,31 +159,31 @@ impl Aligner {
             });
             return;
         }
-        let waiting = Waiting { message, arrived: now };
-        match track.place(&waiting, &options, live) {
-            Place::Follows => self.accept(phone, waiting),
-            Place::Unknown if vouched => self.join(phone, waiting),
-            Place::Confirms(confirmed) => {
+        let waiting = ReceivedEpoch { message, arrived: now };
+        match track.check_date(&waiting, &options, live) {
+            DateCheck::Follows => self.accept(phone, waiting),
+            DateCheck::Unconfirmed if confirmed_by_others => self.accept_first(phone, waiting),
+            DateCheck::Confirms(confirmed) => {
                 for held in confirmed {
-                    self.join(phone, held);
+                    self.accept_first(phone, held);
                 }
                 self.accept(phone, waiting);
             }
-            Place::Unknown => {
+            DateCheck::Unconfirmed => {
                 let time = waiting.message.time_gps;
                 track.hold(waiting);
-                // Its time is not believed yet, but the phone is there.
+                // The date is not confirmed yet, but the phone is present.
                 if live && self.is_near(time) {
-                    self.run(phone);
+                    self.mark_running(phone);
                 }
             }
         }
     }
 
-    /// The phone will deliver nothing more; what it has delivered still counts.
+    /// Declares that the phone delivers no more messages; its waiting messages still count.
     pub fn finish(&mut self, phone: usize) {
         let Some(track) = self.tracks.get_mut(phone) else { return };
-        // The only messages of a phone have nothing to contradict them.
+        // If all messages of a phone are still held back, no other message contradicts their dates.
         let only = if track.latest.is_none() { std::mem::take(&mut track.held) } else { Vec::new() };
         track.drop_held();
         for held in only {
@@ -191,11 +194,11 @@ impl Aligner {
         }
     }
 
-    /// The phone is gone for now: buckets do not wait for it until its next message.
+    /// Declares the phone absent: buckets do not wait for it until its next message.
     pub fn leave(&mut self, phone: usize) {
         if let Some(track) = self.tracks.get_mut(phone) {
             track.presence = Presence::Away;
-            track.spoken = None;
+            track.last_confirmed = None;
         }
     }
 
@@ -207,7 +210,7 @@ impl Aligner {
         }
     }
 
-    /// What was dropped of a phone's messages.
+    /// Counts of dropped messages of a phone by reason.
     pub fn skips(&self, phone: usize) -> Option<&Skips> {
         self.tracks.get(phone).map(|track| &track.skips)
     }
@@ -217,34 +220,35 @@ impl Aligner {
         self.tracks.get(phone).is_some_and(|track| track.presence == Presence::Running && !track.ahead)
     }
 
-    /// How long a message may wait.
+    /// Maximum waiting time of a message.
     pub const fn maximum_wait(&self) -> Duration {
         self.options.maximum_wait
     }
 
-    /// How many messages wait.
+    /// Number of waiting messages.
     pub fn waiting(&self) -> usize {
         self.tracks.iter().map(|track| track.queue.len() + track.held.len()).sum()
     }
 
-    /// Queues a message, unless it is too early.
-    fn accept(&mut self, phone: usize, waiting: Waiting) {
+    /// Queues a message with a confirmed date, unless its time is fused already.
+    fn accept(&mut self, phone: usize, waiting: ReceivedEpoch) {
         self.accept_or(phone, waiting, Reason::EpochTooLate);
     }
 
-    /// The same with the first message of a phone, which nobody could wait for.
-    fn join(&mut self, phone: usize, first: Waiting) {
+    /// The same for the first message of a phone after a gap; one that is too late is counted as such only if its time is far from the
+    /// group's.
+    fn accept_first(&mut self, phone: usize, first: ReceivedEpoch) {
         let is_near = self.live && self.is_near(first.message.time_gps);
         self.accept_or(phone, first, if is_near { Reason::FirstEpochOfPhone } else { Reason::EpochTooLate });
     }
 
-    fn accept_or(&mut self, phone: usize, waiting: Waiting, too_late: Reason) {
-        let (options, done_to) = (self.options, self.done_to);
+    fn accept_or(&mut self, phone: usize, waiting: ReceivedEpoch, too_late: Reason) {
+        let (options, fused_to_gps) = (self.options, self.fused_to_gps);
         let (time, now) = (waiting.message.time_gps, waiting.arrived);
         let Some(track) = self.tracks.get_mut(phone) else { return };
-        match track.accept(waiting, &options, done_to, too_late) {
-            Accepted::Queued => self.run(phone),
-            Accepted::TooLate if self.live && self.is_in_time(time, now) => self.run(phone),
+        match track.accept(waiting, &options, fused_to_gps, too_late) {
+            Accepted::Queued => self.mark_running(phone),
+            Accepted::TooLate if self.live && self.is_in_time(time, now) => self.mark_running(phone),
             Accepted::TooLate | Accepted::Refused => {}
         }
     }
@@ -258,9 +262,9 @@ impl Aligner {
         if absent.is_empty() { self.members() } else { Next::Blocked(absent) }
     }
 
-    /// The earliest message of each phone that has one, in order of time, phones in order at one time.
+    /// The earliest message of each phone that has one, by time and then by phone.
     fn heads(&self) -> Vec<(GpsTime, usize)> {
-        let limit = self.limit_of_those_ahead();
+        let limit = self.limit_for_phones_ahead();
         let head = |(phone, track): (usize, &Track)| {
             let time = track.time(0)?;
             (!track.ahead || limit.is_none_or(|limit| time <= limit)).then_some((time, phone))
@@ -270,7 +274,7 @@ impl Aligner {
         heads
     }
 
-    /// The phones of the next bucket, when the rule can be decided.
+    /// The phones of the next bucket, if the rule can be decided.
     fn members(&self) -> Next {
         let heads = self.heads();
         let Some((&(anchor, first), others)) = heads.split_first() else { return Next::Nothing };
@@ -310,13 +314,13 @@ impl Aligner {
         for &phone in members {
             let message = self.tracks.get_mut(phone).and_then(|track| track.queue.pop_front());
             if let (Some(waiting), Some(slot)) = (message, bucket.get_mut(phone)) {
-                self.done_to = self.done_to.max(Some(waiting.message.time_gps));
+                self.fused_to_gps = self.fused_to_gps.max(Some(waiting.message.time_gps));
                 arrived = Some(arrived.map_or(waiting.arrived, |first| first.min(waiting.arrived)));
                 *slot = Some(waiting.message);
             }
         }
-        if let (true, Some(time), Some(arrived)) = (self.live, self.done_to, arrived) {
-            self.given.push_back(Given { time, arrived });
+        if let (true, Some(time), Some(arrived)) = (self.live, self.fused_to_gps, arrived) {
+            self.fused.push_back(FusedBucket { time, arrived });
         }
         bucket
     }

@@ -1,4 +1,4 @@
-//! The hub's estimator: aligned epochs in, fused and constrained epochs out. No I/O.
+//! Joint estimator of the hub: its input are aligned epochs, its output fused and constrained epochs. No I/O.
 
 use crate::constraint::{Constraint, ConstraintAction, ConstraintOptions, Distance, constrain};
 use crate::filter::{FilterOptions, JointFilter, PhoneState, Start};
@@ -6,27 +6,27 @@ use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
-/// A constraint and when it holds.
+/// A constraint and its period of validity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScheduledConstraint {
     /// The constraint; phones by their index in the group.
     pub constraint: Constraint,
-    /// First instant at which it holds; `None`: always.
+    /// Start of validity, inclusive; `None`: from the beginning.
     pub from_gps: Option<GpsTime>,
-    /// Last instant at which it holds; `None`: always.
+    /// End of validity, inclusive; `None`: to the end.
     pub to_gps: Option<GpsTime>,
 }
 
-/// What the engine may be told.
+/// Options of the engine.
 #[derive(Clone, Debug)]
 pub struct EngineOptions {
-    /// The joint filter.
+    /// Options of the joint filter.
     pub filter: FilterOptions,
-    /// How constraints act.
+    /// Options of the constraints.
     pub constraints: ConstraintOptions,
-    /// Whether the constrained state is what the filter goes on with (as in Peng 2023), so that phones help each other
-    /// over time; without, constraints act on what is given out only. With it, quantities that truly are near
-    /// their bound are drawn inwards, for a bound that holds at every epoch is counted at every epoch.
+    /// Whether the filter continues with the constrained state (as in Peng 2023), so that phones improve each other over time. Without
+    /// feedback constraints only affect the output. With feedback a quantity near its bound is biased inwards, because a bound that holds
+    /// at every epoch is applied at every epoch.
     pub feedback: bool,
 }
 
@@ -37,7 +37,7 @@ impl Default for EngineOptions {
 }
 
 impl EngineOptions {
-    /// Filter and constraints of Peng 2023.
+    /// Options of filter and constraints as in Peng 2023.
     pub fn peng2023() -> Self {
         Self { filter: FilterOptions::peng2023(), constraints: ConstraintOptions::peng2023(), feedback: true }
     }
@@ -46,34 +46,33 @@ impl EngineOptions {
 /// One fused epoch of the group.
 #[derive(Clone, Debug)]
 pub struct FusedEpoch {
-    /// The common time, GPS time: the latest of the phones' receive times.
+    /// Latest receive time of the phones, GPS time.
     pub time_gps: GpsTime,
     /// One entry per phone of the group, in the group's order.
     pub phones: Vec<FusedPhone>,
-    /// What every constraint did that was not satisfied already, by its place among those of the engine
-    /// ([`Engine::constraints`]).
+    /// Effects of the constraints that were not satisfied already; `index` is the place in [`Engine::constraints`].
     pub actions: Vec<ConstraintAction>,
-    /// All pairs under a distance constraint.
+    /// Distances of all pairs under a distance constraint.
     pub distances: Vec<PairDistance>,
 }
 
 /// One phone in a fused epoch.
 #[derive(Clone, Debug)]
 pub struct FusedPhone {
-    /// Its message of this epoch; `None` when it had none.
+    /// Message of the phone for this epoch; `None` if there is none.
     pub message: Option<EpochMessage>,
-    /// Its fused state at the common time; `None` until it is initialised.
+    /// Fused state at the common time; `None` before initialisation.
     pub state: Option<PhoneState>,
 }
 
-/// The distance of two phones after fusion.
+/// Distance between two phones after fusion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairDistance {
     /// Indices of the phones.
     pub phones: (usize, usize),
     /// Distance, m.
     pub distance_m: f64,
-    /// Its standard deviation by the joint covariance, m.
+    /// Standard deviation of the distance from the joint covariance, m.
     pub sigma_m: f64,
     /// Lower bound, m.
     pub minimum_m: f64,
@@ -97,8 +96,8 @@ impl Engine {
         Self { phones: phones.to_vec(), constraints, options, filter, skips: Skips::default() }
     }
 
-    /// Fuses the messages of one aligned epoch: at most one per phone, `None` where a phone has none. Each message updates
-    /// the filter at its own receive time, in order of time; constraints act at the latest of them.
+    /// Fuses the messages of one aligned epoch, at most one per phone. Each message updates the filter at its own receive time, in order of
+    /// time; constraints are applied at the latest of these times.
     pub fn step(&mut self, messages: Vec<Option<EpochMessage>>) -> FusedEpoch {
         let mut order: Vec<(GpsTime, usize)> = messages
             .iter()
@@ -129,17 +128,17 @@ impl Engine {
         FusedEpoch { time_gps, phones, actions, distances }
     }
 
-    /// Forgets all states: the next messages may be earlier than the last ones. The phones begin anew with their next solutions.
+    /// Discards all states, so that the next messages may be earlier than the last ones. Phones restart from their next solutions.
     pub fn restart(&mut self) {
         self.filter = JointFilter::new(self.options.filter);
     }
 
-    /// The constraints, in force or not.
+    /// All constraints, whether valid now or not.
     pub fn constraints(&self) -> &[ScheduledConstraint] {
         &self.constraints
     }
 
-    /// What was skipped so far.
+    /// Counts of skipped messages and states by reason.
     pub const fn skips(&self) -> &Skips {
         &self.skips
     }
@@ -179,8 +178,9 @@ impl Engine {
         self.remove_unsound(phone, message);
     }
 
-    /// A state that is not finite or not positive any more costs the phone that brought it; only if that does not help, all.
-    /// Phones come back with their next solution.
+    /// Removes the phone whose message made the state not finite or not positive definite. If the state is still unsound, the whole filter
+    /// restarts.
+    /// Phones return with their next solution.
     fn remove_unsound(&mut self, phone: usize, message: &EpochMessage) {
         if self.filter.is_sound() {
             return;
@@ -196,7 +196,7 @@ impl Engine {
         }
     }
 
-    /// Takes out phones that have been silent for too long to predict.
+    /// Removes phones whose silence is too long for prediction.
     fn drop_silent(&mut self, time_gps: GpsTime) {
         for (phone, silence_s) in self.filter.drop_silent(time_gps) {
             let name = self.phones.get(phone).map_or("?", String::as_str);
@@ -205,7 +205,7 @@ impl Engine {
         }
     }
 
-    /// The constraints in force whose phones are all present: their places among all, and themselves with phones by slot.
+    /// The valid constraints whose phones are all present: index in [`Self::constraints`] and constraint with phones by slot.
     fn in_force(&self, time_gps: GpsTime) -> impl Iterator<Item = (usize, Constraint)> + '_ {
         self.constraints
             .iter()
@@ -221,10 +221,10 @@ impl Engine {
         if on_slots.is_empty() {
             return Vec::new();
         }
-        let (mean, covariance) = self.filter.law_mut();
+        let (mean, covariance) = self.filter.distribution_mut();
         let actions = constrain(mean, covariance, &on_slots, &self.options.constraints);
         let named = |action: ConstraintAction| {
-            // Those who read it know phones and constraints by their place in the group.
+            // Outside the engine phones and constraints are identified by their index in the group.
             let index = *places.get(action.index)?;
             Some(ConstraintAction { index, constraint: self.constraints.get(index)?.constraint, ..action })
         };

@@ -1,4 +1,4 @@
-//! The group: epochs of several phones brought together ([`align`]) and fused under constraints ([`engine`]). No I/O.
+//! Fusion of the group: alignment of the phones' epochs ([`align`]) and the joint filter with its constraints ([`engine`]). No I/O.
 
 pub mod align;
 pub mod engine;

@@ -25,7 +25,7 @@ pub enum Constellation {
 }
 
 impl Constellation {
-    /// From the RINEX letter.
+    /// Constellation of a RINEX letter.
     pub const fn from_letter(letter: char) -> Option<Self> {
         Some(match letter {
             'G' => Self::Gps,
@@ -62,7 +62,7 @@ pub struct SatelliteId {
     pub number: u8,
 }
 
-/// Text that names no satellite.
+/// Error for a text that is not a satellite.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("'{text}' is not a satellite; write a system letter and a number from 1 to 99, for example G07")]
 pub struct SatelliteIdError {
@@ -75,7 +75,8 @@ impl SatelliteId {
         Self { constellation, number }
     }
 
-    /// From three bytes as RINEX and SP3 have them; a blank in the tens place counts as zero, and the letter may be of either case.
+    /// A satellite from three bytes as in RINEX and SP3; a blank in the tens place counts as zero, and the letter may be upper or lower
+    /// case.
     pub const fn from_bytes(bytes: [u8; 3]) -> Option<Self> {
         let letter = bytes[0].to_ascii_uppercase() as char;
         let Some(constellation) = Constellation::from_letter(letter) else { return None };
@@ -92,7 +93,7 @@ impl SatelliteId {
         if number == 0 { None } else { Some(Self { constellation, number }) }
     }
 
-    /// BeiDou satellites in geostationary orbit (C01-C05, C59-C63), whose broadcast orbit is in a rotated frame
+    /// BeiDou satellites in geostationary orbit (C01-C05, C59-C63) with the broadcast orbit in a rotated frame
     /// (BDS-SIS-ICD-B1I, table 5-11).
     pub const fn is_beidou_geostationary(self) -> bool {
         matches!(self.constellation, Constellation::Beidou) && (self.number <= 5 || self.number >= 59)

@@ -1,4 +1,4 @@
-//! What a recording tells between its epochs.
+//! Events between the epochs of a recording.
 
 use std::fmt;
 
@@ -7,23 +7,23 @@ use serde::{Deserialize, Serialize};
 use super::{SatelliteId, SignalCode};
 use crate::time::GpsTime;
 
-/// What happened (RINEX 2.11, table A2; RINEX 3.05, table A3: epoch flags 2 to 6).
+/// Kind of an event (RINEX 2.11, table A2; RINEX 3.05, table A3: epoch flags 2 to 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum EventKind {
     /// Flag 2: the antenna starts moving.
     AntennaMoves,
-    /// Flag 3: a new site is occupied; the antenna rests again.
+    /// Flag 3: a new site is occupied and the antenna is at rest.
     NewSite,
     /// Flag 4: header information.
     Header,
-    /// Flag 5: an external event, whose time is what counts.
+    /// Flag 5: an external event; its time is the information.
     External,
-    /// Flag 6: cycle slips that the receiver found and repaired. The phases around them are continuous.
+    /// Flag 6: cycle slips found and repaired by the receiver. The phases around them are continuous.
     CycleSlips,
 }
 
 impl EventKind {
-    /// Of a flag's digit.
+    /// Kind of a flag's digit.
     pub const fn from_flag(digit: u8) -> Option<Self> {
         match digit {
             b'2' => Some(Self::AntennaMoves),
@@ -62,23 +62,23 @@ impl fmt::Display for EventKind {
 /// An event between epochs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
-    /// What happened.
+    /// Kind of the event.
     pub kind: EventKind,
-    /// When, GPS time: always of an external event, of others where it is told.
+    /// Time of the event, GPS time: always given for external events, optional for others.
     pub time_gps: Option<GpsTime>,
-    /// The lines that belong to it, as header lines have them, 80 columns at most; none of cycle slips.
+    /// Header lines of the event, 80 columns at most; empty for cycle slips.
     pub lines: Vec<String>,
     /// The slips of [`EventKind::CycleSlips`].
     pub slips: Vec<CycleSlip>,
 }
 
-/// A cycle slip that the receiver repaired.
+/// A cycle slip repaired by the receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CycleSlip {
     /// The satellite.
     pub satellite: SatelliteId,
     /// The signal.
     pub signal: SignalCode,
-    /// By how much the carrier phase had slipped, cycles.
+    /// Size of the slip of the carrier phase, cycles.
     pub slip_cycles: f64,
 }

@@ -1,27 +1,27 @@
-//! Codes of one BeiDou generation that a recording gives to the other one too.
+//! Signal codes of one BeiDou generation that a recording also assigns to the other generation.
 
 use super::{Constellation, Observation, SatelliteId, SignalCode};
 
-/// Attributes of B2I at 1207.14 MHz that an epoch gives to satellites of BeiDou-3, which do not send it.
+/// Attributes of B2I at 1207.14 MHz that an epoch assigns to satellites of BeiDou-3, which do not transmit it.
 ///
-/// Who wrote the epoch calls another signal so (B2a or B2b), and what it calls so of BeiDou-2 may be that signal as well: metres
-/// of group delay and ionosphere. So the code is not used of any satellite of that epoch. This holds for RINEX 3 and later, whose
+/// The writer of such an epoch uses the code for another signal (B2a or B2b), possibly of BeiDou-2 satellites too, with errors of metres
+/// of group delay and ionosphere. The code is therefore not used for any satellite of that epoch. This holds for RINEX 3 and later, whose
 /// codes name signals; signal numbers of RTCM and bands of RINEX 2 are common to both generations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Misnamed {
-    /// A bit for each letter.
+    /// One bit per letter.
     attributes: u32,
 }
 
 impl Misnamed {
-    /// Notes a signal of an epoch.
+    /// Checks a signal of an epoch.
     pub fn note(&mut self, satellite: SatelliteId, signal: SignalCode) {
         if satellite.is_beidou_3() && signal.band == b'7' && satellite.cannot_send(signal).is_some() {
             self.attributes |= bit(signal.attribute);
         }
     }
 
-    /// Takes out of an epoch's observations what was noted, and tells each to `count`.
+    /// Removes the observations with misnamed codes, and passes each to `count`.
     pub fn leave_out(self, observations: &mut Vec<Observation>, mut count: impl FnMut(&Observation)) {
         if self.attributes == 0 {
             return;

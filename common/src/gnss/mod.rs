@@ -1,4 +1,4 @@
-//! Names of things: constellations, satellites, signals, observations, epochs, events.
+//! Vocabulary: constellations, satellites, signals, observations, epochs, events.
 
 mod constellation;
 mod event;

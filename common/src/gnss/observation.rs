@@ -12,12 +12,12 @@ pub struct LossOfLock {
     pub cycle_slip: bool,
     /// Bit 1: half-cycle ambiguity not resolved.
     pub half_cycle: bool,
-    /// Bit 2: noisier than usual, in RINEX 2 for anti-spoofing, in RINEX 3 and 4 for tracking the BOC part alone of an
+    /// Bit 2: increased noise, in RINEX 2 by anti-spoofing, in RINEX 3 and 4 by tracking only the BOC part of an
     /// MBOC-modulated signal. For information.
     pub noisier: bool,
 }
 
-/// One satellite's observations on one signal. A value that was not recorded is `None`.
+/// Observations of one satellite on one signal. A value that was not recorded is `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
     /// The satellite.
@@ -28,7 +28,7 @@ pub struct Observation {
     pub pseudorange_m: Option<f64>,
     /// Carrier phase, cycles.
     pub carrier_phase_cycles: Option<f64>,
-    /// Doppler, Hz, positive = approaching.
+    /// Doppler, Hz, positive for an approaching satellite.
     pub doppler_hz: Option<f64>,
     /// Carrier-to-noise density, dB-Hz.
     pub cn0_dbhz: Option<f64>,
@@ -36,7 +36,7 @@ pub struct Observation {
     pub loss_of_lock: LossOfLock,
 }
 
-/// Why a RINEX epoch was written (RINEX 3.05, table A3).
+/// RINEX epoch flag (RINEX 3.05, table A3).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum EpochFlag {
     /// Flag 0.
@@ -49,7 +49,7 @@ pub enum EpochFlag {
 /// Observations that share one receive time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObservationEpoch {
-    /// Receive time tag by the phone's own clock, GPS time.
+    /// Receive time by the phone's own clock, GPS time.
     pub time_gps: GpsTime,
     /// Epoch flag.
     pub flag: EpochFlag,

@@ -1,4 +1,4 @@
-//! Signals by their RINEX 3 band and attribute, and the receiver clocks that they share.
+//! Signals by their RINEX 3 band and attribute, and their receiver clocks.
 
 use std::fmt;
 
@@ -12,9 +12,9 @@ use crate::constants::SPEED_OF_LIGHT_MPS;
 /// The frequency depends on the constellation too: band 2 is 1227.60 MHz for GPS, 1561.098 MHz for BeiDou.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct SignalCode {
-    /// RINEX band digit, `b'1'` to `b'9'`; of a pair a letter, see [`SignalCode::pair`].
+    /// RINEX band digit, `b'1'` to `b'9'`; for a pair a letter, see [`SignalCode::pair`].
     pub band: u8,
-    /// RINEX attribute letter, blank where the tracking is not known; of a pair the first signal's.
+    /// RINEX attribute letter, blank for an unknown tracking mode; for a pair that of the first signal.
     pub attribute: u8,
 }
 
@@ -27,19 +27,19 @@ pub struct ClockGroup {
     pub band: u8,
 }
 
-/// Bands that a pair can begin with: 1, and 2 for BeiDou's B1I.
+/// Number of possible first bands of a pair: 1, and 2 for BeiDou's B1I.
 const FIRST_BANDS: u8 = 2;
-/// Bands that a pair can end with: 1 to 9.
+/// Number of possible second bands of a pair: 1 to 9.
 const SECOND_BANDS: u8 = 9;
 
 impl SignalCode {
-    /// From the two characters of a RINEX observation code after its type letter.
+    /// A signal from the two characters of a RINEX observation code after its type letter.
     pub const fn new(band: u8, attribute: u8) -> Self {
         Self { band, attribute }
     }
 
-    /// The name of a combination of two signals, of which the first is on band 1 or 2. RINEX has none; here the band is a
-    /// letter that stands for both bands, so that every pair of bands has a clock group of its own. `None` for other bands.
+    /// Signal code of a combination of two signals, of which the first is on band 1 or 2. RINEX has no such code; here the band is a
+    /// letter for both bands, so that every pair of bands has its own clock group. `None` for other bands.
     pub fn pair(first: Self, second: Self) -> Option<Self> {
         let place = |band: u8, count: u8| band.checked_sub(b'1').filter(|place| *place < count);
         let band = place(first.band, FIRST_BANDS)? * SECOND_BANDS + place(second.band, SECOND_BANDS)?;
@@ -52,7 +52,7 @@ impl SignalCode {
         Some((b'1' + place / SECOND_BANDS, b'1' + place % SECOND_BANDS))
     }
 
-    /// Carrier frequency, Hz (RINEX 3.05, tables 4-10). `None` for a pair, and for a band that the system does not transmit on.
+    /// Carrier frequency, Hz (RINEX 3.05, tables 4-10). `None` for a pair, and for a band on which the system does not transmit.
     /// GLONASS bands 1 and 2 need the frequency channel `glonass_channel` (−7…6) and are `None` without it.
     pub fn frequency_hz(self, constellation: Constellation, glonass_channel: Option<i8>) -> Option<f64> {
         use Constellation::{Beidou, Galileo, Glonass, Gps, Navic, Qzss, Sbas};

@@ -1,19 +1,19 @@
-//! Which signals there are: the observation codes of every system, by the RINEX version that brought them.
+//! Table of signals: the observation codes of every system, with the RINEX version of their introduction.
 //!
-//! Every format that names signals is held against this table: RINEX 2 to 4, Compact RINEX, Bias-SINEX, GnssLogger text,
+//! All formats with signal codes are checked against this table: RINEX 2 to 4, Compact RINEX, Bias-SINEX, GnssLogger text,
 //! challenge tables, RTCM 3 and the messages between agent and hub.
 
 use super::{Constellation, SatelliteId, SignalCode};
 use crate::skips::Reason;
 
-/// An attribute that says nothing: the receiver's tracking is not known (RINEX 3.05, 5.2.17).
+/// Attribute of an unknown tracking mode (RINEX 3.05, 5.2.17).
 const UNKNOWN_TRACKING: u8 = b' ';
-/// Codeless tracking has phase, Doppler and strength, but no pseudorange.
+/// Attribute of codeless tracking, which has phase, Doppler and C/N0, but no pseudorange.
 const CODELESS: u8 = b'N';
-/// BeiDou-2 has the numbers up to here, BeiDou-3 those above.
+/// Largest satellite number of BeiDou-2; higher numbers belong to BeiDou-3.
 const LAST_BEIDOU_2: u8 = 18;
 
-/// Attributes of a band, and the RINEX version (times 100) that brought them.
+/// Attributes of a band, and the RINEX version (times 100) of their introduction.
 struct Row {
     constellation: Constellation,
     band: u8,
@@ -51,9 +51,9 @@ const TABLE: &[Row] = &[
     row(Constellation::Qzss, b'5', 304, b"DPZ"),
     row(Constellation::Qzss, b'6', 301, b"SLX"),
     row(Constellation::Qzss, b'6', 304, b"EZ"),
-    // B1I, named 1I, 1Q and 1X in RINEX 3.02 alone.
+    // B1I, called 1I, 1Q and 1X in RINEX 3.02 only.
     row(Constellation::Beidou, b'2', 300, b"IQX"),
-    // B1C and, as A in 3.04 and as S, L and Z since, B1A.
+    // B1C and B1A, the latter as A in 3.04 and as S, L and Z since.
     row(Constellation::Beidou, b'1', 304, b"DPXAN"),
     row(Constellation::Beidou, b'1', 305, b"SLZ"),
     row(Constellation::Beidou, b'5', 304, b"DPX"),
@@ -67,16 +67,16 @@ const TABLE: &[Row] = &[
     row(Constellation::Navic, b'5', 303, b"ABCX"),
     row(Constellation::Navic, b'9', 303, b"ABCX"),
 ];
-/// B2I, of BeiDou-2.
+/// Attributes of B2I (BeiDou-2).
 const BEIDOU_2_ON_BAND_7: &[u8] = b"IQX";
-/// B2b, of BeiDou-3.
+/// Attributes of B2b (BeiDou-3).
 const BEIDOU_3_ON_BAND_7: &[u8] = b"DPZ";
 
-/// Systems, and digits of bands, that [`ATTRIBUTES`] has room for.
+/// Number of systems and band digits in [`ATTRIBUTES`].
 const SYSTEMS: usize = 7;
 const BANDS: usize = 10;
 
-/// The attributes of every system's bands, a bit for each letter from A on: the table as it is asked for every line of a phone's log.
+/// Attributes of every system's bands, one bit per letter: a fast form of the table for every line of a phone's log.
 const ATTRIBUTES: [[u32; BANDS]; SYSTEMS] = attributes();
 
 const fn attributes() -> [[u32; BANDS]; SYSTEMS] {
@@ -94,7 +94,7 @@ const fn attributes() -> [[u32; BANDS]; SYSTEMS] {
     bits
 }
 
-/// Whether a system has a band with this attribute; a blank one is any of the band.
+/// Whether a system has a band with this attribute; a blank attribute matches any of the band.
 fn has(constellation: Constellation, band: u8, attribute: u8) -> bool {
     let of_system = ATTRIBUTES.get(constellation as usize);
     let of_band = of_system.and_then(|bands| bands.get(usize::from(band.wrapping_sub(b'0'))));
@@ -107,8 +107,8 @@ fn has(constellation: Constellation, band: u8, attribute: u8) -> bool {
 }
 
 impl SignalCode {
-    /// The RINEX version (times 100) that brought a signal of a system, `None` when there is no such signal. A blank attribute
-    /// is any signal of the band.
+    /// RINEX version (times 100) that introduced a signal of a system, `None` if there is no such signal. A blank attribute
+    /// matches any signal of the band.
     pub fn since(self, constellation: Constellation) -> Option<u16> {
         let is_it = |row: &&Row| {
             row.constellation == constellation
@@ -118,7 +118,7 @@ impl SignalCode {
         TABLE.iter().filter(is_it).map(|row| row.since).min()
     }
 
-    /// Whether a system has the signal; of a pair, whether it has the first signal and the second band.
+    /// Whether a system has the signal; for a pair, whether it has the first signal and the second band.
     pub fn exists(self, constellation: Constellation) -> bool {
         match self.bands_of_pair() {
             Some((first, second)) => {
@@ -128,18 +128,17 @@ impl SignalCode {
         }
     }
 
-    /// Whether a pseudorange can be measured on the signal: not by codeless tracking.
+    /// Whether the signal has pseudoranges, which codeless tracking has not.
     pub const fn has_pseudorange(self) -> bool {
         self.attribute != CODELESS
     }
 }
 
 impl SatelliteId {
-    /// Why a signal cannot be one of this satellite's; `None` when it can.
+    /// Reason for which the satellite cannot transmit a signal; `None` if it can.
     ///
-    /// Of BeiDou's two generations only what both send at 1207.14 MHz is told apart, for there the group delays differ: B2I of
-    /// BeiDou-2 and B2b of BeiDou-3 (BDS-SIS-ICD-B1I, 5.2.4.10; BDS-SIS-ICD-B2b, 4.1). Elsewhere the code alone says which signal
-    /// it is.
+    /// The two BeiDou generations are distinguished only at 1207.14 MHz, where group delays differ: B2I of
+    /// BeiDou-2 and B2b of BeiDou-3 (BDS-SIS-ICD-B1I, 5.2.4.10; BDS-SIS-ICD-B2b, 4.1). Elsewhere the code alone identifies the signal.
     pub fn cannot_send(self, signal: SignalCode) -> Option<Reason> {
         if !signal.exists(self.constellation) {
             return Some(Reason::SignalNotOfSystem);
@@ -150,7 +149,7 @@ impl SatelliteId {
             .then_some(Reason::BeidouSignalOfOtherGeneration)
     }
 
-    /// Whether it is a satellite of BeiDou's third generation, by its number.
+    /// Whether the satellite belongs to BeiDou's third generation, by its number.
     pub const fn is_beidou_3(self) -> bool {
         matches!(self.constellation, Constellation::Beidou) && self.number > LAST_BEIDOU_2
     }
@@ -170,7 +169,7 @@ mod tests {
         Constellation::Navic,
     ];
 
-    /// All codes that there are, by system and band, written out apart from the table.
+    /// All existing codes by system and band, listed independently of the table.
     const CODES: &str = "\
         G 1C1S1L1X1P1W1Y1M1N1R 2C2D2S2L2X2P2W2Y2M2N2R 5I5Q5X
         R 1C1P 2C2P 3I3Q3X 4A4B4X 6A6B6X
@@ -198,7 +197,7 @@ mod tests {
                 let is_known = known.iter().any(|code| code[0] == band);
                 let blank = SignalCode::new(band, b' ');
                 assert_eq!(blank.exists(system), is_known, "{system:?} {blank}");
-                // What exists has a frequency, and what has a frequency exists.
+                // A signal exists if and only if it has a frequency.
                 assert_eq!(blank.frequency_hz(system, Some(0)).is_some(), is_known, "{system:?} {blank}");
             }
         }

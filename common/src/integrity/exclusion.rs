@@ -1,6 +1,6 @@
 //! Fault detection and exclusion, one measurement at a time (Cappello 2023; Baarda's local test).
 //!
-//! This is the forward half of the paper's Forward-Backward scheme: nothing excluded is put back, and there is no search over
+//! This is the forward half of the paper's Forward-Backward scheme: excluded measurements are not put back, and there is no search over
 //! subsets.
 
 use super::{Cause, GlobalTest, RaimReport, Verdict};
@@ -13,13 +13,13 @@ use crate::statistics::normal::two_sided_threshold;
 /// Limits of the tests.
 #[derive(Clone, Debug)]
 pub struct RaimOptions {
-    /// Quantiles of the global test, for its probability of false alarm.
+    /// Quantiles of the global test for its probability of false alarm.
     pub global: ChiSquareThresholds,
     /// Probability of false alarm of the local test.
     pub local_false_alarm: f64,
-    /// Two residuals correlated at least this much cannot be told apart.
+    /// Minimum correlation of two residuals that counts as inseparable.
     pub separability: f64,
-    /// At most this many measurements are excluded.
+    /// Maximum number of excluded measurements.
     pub maximum_exclusions: usize,
     /// Limits of PDOP, HDOP and VDOP.
     pub dop_limits: DopLimits,
@@ -28,11 +28,11 @@ pub struct RaimOptions {
 /// Limits of the geometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DopLimits {
-    /// PDOP at most.
+    /// Maximum PDOP.
     pub pdop: f64,
-    /// HDOP at most.
+    /// Maximum HDOP.
     pub hdop: f64,
-    /// VDOP at most.
+    /// Maximum VDOP.
     pub vdop: f64,
 }
 
@@ -48,17 +48,17 @@ impl Default for RaimOptions {
     }
 }
 
-/// A solution with its RAIM report; without a solution the verdict says that nothing could be checked.
+/// A solution with its RAIM report; without a solution the verdict is [`Verdict::CannotBeChecked`].
 #[derive(Debug)]
 pub struct Monitored {
-    /// The solution after exclusion.
+    /// Solution after exclusion.
     pub fit: Result<Fit, SolveError>,
-    /// The verdict on it.
+    /// Verdict on the solution.
     pub report: RaimReport,
 }
 
-/// Solves, tests, and while the global test fails excludes the measurement with the largest normalised residual
-/// that fails the local test and can be told apart from the others. Excluded observations are marked in place.
+/// Solves and tests. While the global test fails, excludes the measurement with the largest normalised residual that fails the local test
+/// and can be separated from the others. Excluded observations are marked in place.
 pub fn solve_with_raim(
     observations: &mut [CorrectedObservation],
     start: Ecef,
@@ -111,14 +111,14 @@ fn global_test(fit: &Fit, options: &RaimOptions) -> Option<GlobalTest> {
     })
 }
 
-/// The observation to exclude: the largest |w_i| = |r_i|/√(C_v)_ii that fails the local test, unless another failing
-/// one is so correlated with it that the two cannot be told apart.
+/// Index of the observation to exclude: the largest |w_i| = |r_i|/√(C_v)_ii that fails the local test, unless its correlation with another
+/// failing observation makes the two inseparable.
 fn excludable(fit: &Fit, options: &RaimOptions) -> Option<usize> {
     let threshold = two_sided_threshold(options.local_false_alarm);
     let mut failing: Vec<(usize, f64)> = (0..fit.len())
         .filter_map(|i| {
             let variance = fit.residual_covariance(i, i);
-            // A measurement alone on its clock has a residual of zero with zero variance: nothing to test.
+            // A single measurement of its clock has a residual of zero with zero variance, which cannot be tested.
             let checkable = variance * fit.weight(i) > 1e-9;
             let w = fit.residual_m(i).abs() / variance.sqrt();
             (checkable && w > threshold).then_some((i, w))
@@ -170,7 +170,7 @@ mod tests {
 
     const SIGNS: [f64; 12] = [1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
 
-    /// Residuals that all pass the local test although the global test fails: no single measurement is to blame.
+    /// All residuals pass the local test although the global test fails, so no single measurement is at fault.
     #[test]
     fn spread_out_errors_are_not_blamed_on_one_measurement() {
         let receiver = Receiver::in_wuhan();
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn two_that_cannot_be_told_apart_are_both_kept() {
-        // Two satellites of a constellation of their own share its clock: their residuals are each other's negative.
+        // Two satellites of one constellation share a clock, so their residuals are equal with opposite sign.
         let mut sky = OPEN_SKY_DEG[..9].to_vec();
         sky.extend([(100.0, 30.0), (250.0, 40.0)]);
         let receiver = Receiver { clocks_m: [150.0; 3], ..Receiver::in_wuhan() };

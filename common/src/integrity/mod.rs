@@ -30,7 +30,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// The outcome of RAIM at one epoch.
+/// RAIM verdict on one epoch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Verdict {
     /// Global test passed, geometry within limits.
@@ -41,7 +41,7 @@ pub enum Verdict {
     CannotBeChecked,
 }
 
-/// Why a solution is unreliable.
+/// Reason for which a solution is unreliable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cause {
     /// The global test failed and there are too few measurements to exclude one.
@@ -67,18 +67,18 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// A verdict with the figures behind it.
+/// RAIM verdict with its test values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RaimReport {
     /// The verdict.
     pub verdict: Verdict,
-    /// The last global test, when it could be made.
+    /// Last global test, if there was redundancy.
     pub global_test: Option<GlobalTest>,
-    /// How many signals were excluded.
+    /// Number of excluded signals.
     pub excluded: u16,
 }
 
-/// D = rᵀWr against a χ² quantile.
+/// Global test: D = rᵀWr against a χ² quantile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GlobalTest {
     /// D.

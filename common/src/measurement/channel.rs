@@ -1,7 +1,7 @@
 //! GLONASS satellites that a phone knows by their frequency channel only.
 //!
-//! Two satellites share a channel, at opposite places of one orbital plane (GLONASS ICD, L1 and L2, edition 5.1, 3.3.1.1), so
-//! that of both at most one is above the horizon.
+//! Two satellites at opposite positions of one orbital plane share a channel (GLONASS ICD, L1 and L2, edition 5.1, 3.3.1.1), so at most one
+//! of both is above the horizon.
 
 use super::{Corrector, PreparedObservation};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
@@ -10,25 +10,25 @@ use crate::gnss::{Constellation, EpochFlag, Observation, ObservationEpoch, Satel
 use crate::skips::Reason;
 use crate::time::GpsTime;
 
-/// Slots that satellites have (GLONASS ICD: 24, and room for three more).
+/// Slot numbers (GLONASS ICD: 24, and room for three more).
 const SLOTS: std::ops::RangeInclusive<u8> = 1..=27;
-/// A pseudorange fits when the receiver clock that it gives is this near to that of the other satellites, m. A wrong satellite
-/// gives one that is hundreds of kilometres off; an approximate position and clocks of different systems, a few.
+/// Maximum difference, m, between the receiver clock from a pseudorange and that of the other satellites. A wrong satellite differs by
+/// hundreds of kilometres; an approximate position and the clocks of different systems differ by a few.
 const MOST_FROM_CLOCK_M: f64 = 2e4;
 
-/// An observation of a GLONASS satellite whose slot the phone does not know.
+/// An observation of a GLONASS satellite with unknown slot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelObservation {
     /// Frequency channel, −7 to 6.
     pub channel: i8,
-    /// The observation; its satellite's number stands for nothing.
+    /// The observation; its satellite number has no meaning.
     pub observation: Observation,
 }
 
 impl Corrector {
-    /// The observations with the slots of the satellites that are on their channels by the products, above the horizon of
-    /// `position` and fit: their pseudoranges give the receiver clock of the satellites that are `known`. What no single
-    /// satellite explains is counted.
+    /// The observations with the slots found for them. A slot fits if the satellite is on the channel by the products, above the horizon of
+    /// `position`, and its pseudorange gives the receiver clock of the satellites in `known`. Observations without exactly one fitting slot
+    /// are counted.
     pub fn identify(
         &mut self,
         observations: &[ChannelObservation],
@@ -69,7 +69,7 @@ impl Corrector {
         identified
     }
 
-    /// Whether a satellite is above the horizon and its pseudorange gives a receiver clock.
+    /// Whether a satellite is above the horizon and its pseudorange gives a receiver clock near `clock_m`.
     fn fits(
         &self,
         satellite: SatelliteId,
@@ -89,13 +89,13 @@ impl Corrector {
     }
 }
 
-/// The distance that a signal travels, the Earth's rotation meanwhile taken into account (the Sagnac term), m.
+/// Signal path length with the Earth's rotation during the travel time (Sagnac term), m.
 fn range_m(satellite: Ecef, receiver: Ecef) -> f64 {
     let turned = satellite.0.x * receiver.0.y - satellite.0.y * receiver.0.x;
     satellite.distance_m(receiver) + EARTH_ROTATION_RADPS / SPEED_OF_LIGHT_MPS * turned
 }
 
-/// The receiver clock by the median of the observations, m; `None` without any.
+/// Receiver clock as the median over the observations, m; `None` without observations.
 fn median_clock_m(known: &[PreparedObservation], position: Ecef) -> Option<f64> {
     let mut clocks_m: Vec<f64> =
         known.iter().map(|prepared| prepared.pseudorange_m - range_m(prepared.position, position)).collect();

@@ -1,4 +1,4 @@
-//! Raw pseudoranges and Dopplers to corrected ones:
+//! Corrections of raw pseudoranges and Dopplers:
 //! P_c = P + c·dT_s − I − T + group delay correction, and the rate −λD + c·dṪ_s.
 
 use std::sync::Arc;
@@ -18,26 +18,26 @@ use crate::time::GpsTime;
 /// Masks and models of the corrections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CorrectionOptions {
-    /// Satellites below this elevation are not used, rad.
+    /// Elevation mask, rad.
     pub elevation_mask_rad: f64,
-    /// The same for satellites whose tropospheric delays came with the recording, rad. The other mask is there above all for our models,
-    /// which end near the horizon: 3° above it our troposphere is 12 m longer than the one that challenge tables state.
+    /// Elevation mask, rad, of satellites with tropospheric delays in the recording. The other mask is higher mainly because our models
+    /// fail near the horizon: at 3° our tropospheric delay exceeds that of the challenge tables by 12 m.
     pub stated_elevation_mask_rad: f64,
-    /// What is done about the ionosphere.
+    /// Treatment of the ionospheric delay.
     pub ionosphere: Ionosphere,
-    /// Signals weaker than this are not used, dB-Hz.
+    /// C/N0 mask, dB-Hz.
     pub minimum_cn0_dbhz: f64,
-    /// Constellations, satellites and signals that are not used.
+    /// Excluded constellations, satellites and signals.
     pub exclude: Vec<Exclusion>,
     /// Variances of code and Doppler.
     pub stochastic: StochasticModel,
-    /// Standard deviation that stands for a group delay which no product knows, m.
+    /// Standard deviation of a signal whose group delay is in no product, m.
     pub unknown_group_delay_sigma_m: f64,
-    /// Standard deviation of BeiDou's clocks and group delays together, m. Theirs is larger than the others': TGD1 goes into
-    /// B1I with a factor of 1.94 on precise clocks, and second- and third-generation satellites differ in receivers.
+    /// Standard deviation of BeiDou's clocks and group delays together, m. It is larger than for the other systems: TGD1 enters
+    /// B1I with a factor of 1.94 on precise clocks, and receivers treat second- and third-generation satellites differently.
     pub beidou_bias_sigma_m: f64,
     /// Standard deviation of GLONASS' biases between frequency channels, m. All channels of a band share one receiver
-    /// clock here, but each passes the receiver's filters differently, by metres in cheap receivers.
+    /// clock here, but their delays in the receiver's filters differ, by metres in cheap receivers.
     pub glonass_bias_sigma_m: f64,
     /// Relative humidity of the standard atmosphere, 0-1.
     pub relative_humidity: f64,
@@ -60,7 +60,7 @@ impl Default for CorrectionOptions {
     }
 }
 
-/// Corrects the epochs of one phone and counts what it cannot use.
+/// Corrects the epochs of one phone and counts the observations that it skips.
 #[derive(Clone, Debug)]
 pub struct Corrector {
     products: Arc<Products>,
@@ -69,7 +69,7 @@ pub struct Corrector {
     pub(super) skips: Skips,
 }
 
-/// An observation with its satellite's state: everything that does not depend on where the phone is.
+/// An observation with its satellite's state and all corrections that do not depend on the phone's position.
 #[derive(Clone, Debug)]
 pub struct PreparedObservation {
     pub(super) observation: Observation,
@@ -77,56 +77,55 @@ pub struct PreparedObservation {
     /// P + c·dT_s + group delay correction, m.
     pub(super) pseudorange_m: f64,
     pub(super) range_rate_mps: Option<f64>,
-    /// Satellite at transmission, in the Earth-fixed frame of the transmission.
+    /// Satellite position at transmission, in the Earth-fixed frame of the transmission.
     pub(super) position: Ecef,
     pub(super) velocity: EcefVector,
-    /// Variance of what all signals of the satellite share, m².
+    /// Variance of the errors common to all signals of the satellite, m².
     pub(super) satellite_variance_m2: f64,
-    /// Variance of what this signal has alone, beside its noise, m².
+    /// Variance of the errors of this signal alone, without its noise, m².
     pub(super) signal_variance_m2: f64,
-    /// Standard deviation of the code by the receiver, m; used where there is no C/N0 for the model.
+    /// Standard deviation of the code by the receiver, m; used without a C/N0 for the model.
     pub(super) code_sigma_m: Option<f64>,
-    /// What the recording itself states.
+    /// Corrections stated by the recording.
     pub(super) stated: Option<GivenCorrections>,
-    /// Of an ionosphere-free pair: the other signal.
+    /// Second signal, if this is an ionosphere-free pair.
     pub(super) second: Option<Second>,
 }
 
 impl Corrector {
-    /// A corrector on the given products.
+    /// A corrector with the given products.
     pub fn new(products: Arc<Products>, options: CorrectionOptions) -> Self {
         let exclusions = Exclusions::new(&options.exclude);
         Self { products, options, exclusions, skips: Skips::default() }
     }
 
-    /// Goes on with other products: more messages have come.
+    /// Replaces the products, for example after new navigation messages.
     pub fn set_products(&mut self, products: Arc<Products>) {
         self.products = products;
     }
 
-    /// The products that it works with.
+    /// The products in use.
     pub const fn products(&self) -> &Arc<Products> {
         &self.products
     }
 
-    /// What [`Corrector::prepare`] skipped so far, by reason.
+    /// Counts of skips in [`Corrector::prepare`] by reason.
     pub const fn skips(&self) -> &Skips {
         &self.skips
     }
 
-    /// Of [`CorrectionOptions::exclude`], those that named nothing that came so far.
+    /// Members of [`CorrectionOptions::exclude`] that have named no observation so far.
     pub fn idle_exclusions(&self) -> impl Iterator<Item = Exclusion> {
         self.exclusions.idle()
     }
 
-    /// Satellite states and position-free corrections of one epoch; what cannot be used is counted.
+    /// Satellite states and position-independent corrections of one epoch; unusable observations are counted.
     pub fn prepare(&mut self, epoch: &ObservationEpoch) -> Vec<PreparedObservation> {
         self.prepare_stated(epoch, |_| None)
     }
 
-    /// The same where the recording states more: `stated` gives what it says of the observation at an index. The receiver's
-    /// own standard deviation of a code stands in for the stochastic model where there is no C/N0, and a satellite's state
-    /// for products that do not know the satellite.
+    /// The same for a recording with additional data: `stated` returns the data on the observation at an index. The receiver's standard
+    /// deviation of a code replaces the stochastic model without a C/N0. The recording's satellite state is used if no product has one.
     pub(super) fn prepare_stated<'a>(
         &mut self,
         epoch: &ObservationEpoch,
@@ -170,14 +169,14 @@ impl Corrector {
         self.pairs(prepared)
     }
 
-    /// An observation of a satellite of which no product knows the state: with the state by the recording, if it has one.
+    /// An observation of a satellite without a state in the products, with the recording's state, if there is one.
     fn without_state(
         &mut self,
         error: &OrbitError,
         time_gps: GpsTime,
         stated: Option<&RecordedObservation>,
     ) -> Option<PreparedObservation> {
-        // A satellite that its message calls unhealthy stays out, whatever the recording states.
+        // A satellite with an unhealthy navigation message is not used, whatever the recording states.
         let stated = stated.filter(|_| !matches!(error, OrbitError::Unhealthy { .. }));
         let Some((stated, given)) = stated.and_then(|stated| Some((stated, stated.given?))) else {
             self.skips.add(Reason::NoSatelliteState, || error.to_string());
@@ -189,19 +188,19 @@ impl Corrector {
         self.prepare_given(&stated.observation, stated.frequency_hz, time_gps, &given)
     }
 
-    /// The ionosphere-free pairs of prepared signals, if the options want them.
+    /// Replaces prepared signals by ionosphere-free pairs, if the options say so.
     pub(crate) fn pairs(&mut self, prepared: Vec<PreparedObservation>) -> Vec<PreparedObservation> {
         self.options.ionosphere.combine(prepared, &mut self.skips)
     }
 
-    /// The carrier; of GLONASS by the channel in the navigation messages.
+    /// Carrier frequency; that of GLONASS by the channel in the navigation messages.
     fn frequency_hz(&self, observation: &Observation, time_gps: GpsTime) -> Option<f64> {
         let satellite = observation.satellite;
         let channel = self.products.glonass_channel(satellite, time_gps);
         observation.signal.frequency_hz(satellite.constellation, channel)
     }
 
-    /// Whether an observation is excluded by name; counts it.
+    /// Whether a mask excludes an observation; counts it.
     pub(super) fn is_excluded(&mut self, observation: &Observation, time_gps: GpsTime) -> bool {
         let Some(exclusion) = self.exclusions.first(observation) else { return false };
         self.skips.add_about(Reason::ExcludedByMask, exclusion, || {
@@ -210,7 +209,7 @@ impl Corrector {
         true
     }
 
-    /// Whether a signal is below the mask; counts it.
+    /// Whether a signal is below the C/N0 mask; counts it.
     pub(super) fn is_weak(&mut self, observation: &Observation, time_gps: GpsTime) -> bool {
         let weak = observation.cn0_dbhz.is_some_and(|cn0| cn0 < self.options.minimum_cn0_dbhz);
         if weak {
@@ -227,19 +226,19 @@ impl Corrector {
         });
     }
 
-    /// What BeiDou's clocks and group delays add to the variance, m².
+    /// Additional variance of BeiDou's clocks and group delays, m².
     pub(super) fn beidou_variance_m2(&self, observation: &Observation) -> f64 {
         let is_beidou = observation.satellite.constellation == Constellation::Beidou;
         if is_beidou { self.options.beidou_bias_sigma_m.powi(2) } else { 0.0 }
     }
 
-    /// What GLONASS' frequency channels add to the variance, m².
+    /// Additional variance of GLONASS' frequency channels, m².
     pub(super) fn glonass_variance_m2(&self, observation: &Observation) -> f64 {
         let is_glonass = observation.satellite.constellation == Constellation::Glonass;
         if is_glonass { self.options.glonass_bias_sigma_m.powi(2) } else { 0.0 }
     }
 
-    /// The satellite's state at transmission: t_tx = t_rx − P/c − dT_s.
+    /// Satellite state at transmission: t_tx = t_rx − P/c − dT_s.
     fn state(
         &self,
         observation: &Observation,
@@ -248,7 +247,7 @@ impl Corrector {
     ) -> Result<PreparedState, OrbitError> {
         let by_satellite_clock = time_gps - pseudorange_m / SPEED_OF_LIGHT_MPS;
         let state = self.products.satellite_state(observation.satellite, by_satellite_clock)?;
-        // dT_s is below a few milliseconds: one step along the velocity is exact to a micrometre.
+        // dT_s is below a few milliseconds, so one step along the velocity is exact to a micrometre.
         let position = state.position + EcefVector(state.velocity.0 * -state.clock_s);
         Ok(PreparedState {
             satellite_state: SatelliteState { position, ..state },
@@ -296,8 +295,8 @@ impl Corrector {
         }
     }
 
-    /// Corrected observations as seen from `position`: Sagnac rotation, direction, masks, atmosphere, sigmas; and what the
-    /// masks took and models did not cover, which counts only if this position stands.
+    /// Corrected observations as seen from `position` (Sagnac rotation, direction, masks, atmosphere, standard deviations), and the counts
+    /// of masked observations and missing models. The counts are valid only if this position is final.
     pub fn finish(
         &self,
         prepared: &[PreparedObservation],
@@ -325,8 +324,8 @@ impl Corrector {
     }
 }
 
-/// Observations of an epoch about which nothing but the pseudorange is known yet: satellites rotated for the measured
-/// travel time, no atmosphere, no masks. Good to start an iteration from nowhere.
+/// Observations without a known position: satellites rotated for the measured travel time, no atmosphere, no masks. They serve to start an
+/// iteration.
 pub fn without_position(prepared: &[PreparedObservation]) -> Vec<CorrectedObservation> {
     prepared
         .iter()
@@ -342,12 +341,12 @@ pub fn without_position(prepared: &[PreparedObservation]) -> Vec<CorrectedObserv
 struct PreparedState {
     satellite_state: SatelliteState,
     observation: Observation,
-    /// The instant whose message (and so whose group delay) this is.
+    /// Time of transmission, which selects the navigation message and its group delay.
     sent: GpsTime,
 }
 
 impl PreparedState {
-    /// Whether this state serves another signal of the same satellite: within a microsecond (300 m) a satellite moves by 4 mm.
+    /// Whether this state also serves another signal of the same satellite: within a microsecond (300 m) a satellite moves by 4 mm.
     fn serves(&self, observation: &Observation, pseudorange_m: f64) -> bool {
         self.observation.satellite == observation.satellite
             && self.observation.pseudorange_m.is_some_and(|known| (known - pseudorange_m).abs() < 300.0)
@@ -400,7 +399,7 @@ impl Rotated {
     }
 }
 
-/// The sky from one place at one instant.
+/// A receiver position at one instant.
 struct View<'a> {
     frame: LocalFrame,
     time_gps: GpsTime,
@@ -444,7 +443,7 @@ impl View<'_> {
         )
     }
 
-    /// Variance of a code by the model, or by what the recording states where there is no C/N0 for the model, m².
+    /// Variance of a code by the model, or, without a C/N0, by the recording, m².
     fn code_variance_m2(
         &self,
         cn0_dbhz: Option<f64>,
@@ -455,7 +454,7 @@ impl View<'_> {
         stated_sigma_m.filter(|_| cn0_dbhz.is_none()).map_or_else(model, |sigma_m| sigma_m * sigma_m)
     }
 
-    /// Ionospheric and tropospheric delay as the recording states them, else by the models, m.
+    /// Ionospheric and tropospheric delay by the recording, or else by the models, m.
     fn atmosphere_m(
         &self,
         prepared: &PreparedObservation,

@@ -1,4 +1,4 @@
-//! Masks by name: constellations, satellites and signals that are not used, whatever they measure.
+//! Masks by name: constellations, satellites and signals that are excluded regardless of their measurements.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::gnss::{Constellation, Observation, SatelliteId, SignalCode};
 
-/// What is not used. As text, with the letters of RINEX: a constellation (`E`), a satellite (`G05`), a signal or all signals of a
+/// An exclusion. As text, with the letters of RINEX: a constellation (`E`), a satellite (`G05`), a signal or all signals of a
 /// band of either (`C:1C`, `E12:5X`, `G:5`), or of every constellation (`5X`, `5`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
@@ -31,7 +31,7 @@ enum Signals {
     One(SignalCode),
 }
 
-/// Text that names nothing to exclude.
+/// Error for a text that is not an exclusion.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "'{text}' names nothing to exclude; write a constellation (one of G R E C J I S), a satellite (G05), a signal or band of either \
@@ -42,7 +42,7 @@ pub struct ExclusionError {
 }
 
 impl Exclusion {
-    /// Whether an observation is meant.
+    /// Whether the exclusion names an observation.
     pub fn names(&self, observation: &Observation) -> bool {
         let satellite = observation.satellite;
         let is_of_satellite = match self.satellites {
@@ -78,7 +78,7 @@ fn parse_satellites(text: &str) -> Option<Satellites> {
     let mut letters = text.chars();
     match (letters.next(), letters.next()) {
         (Some(letter), None) => Constellation::from_letter(letter).map(Satellites::Of),
-        // A blank in the tens place is RINEX 2's habit.
+        // RINEX 2 writes a blank in the tens place.
         _ if text.contains(' ') => None,
         _ => text.parse().ok().map(Satellites::One),
     }
@@ -125,7 +125,7 @@ impl From<Exclusion> for String {
     }
 }
 
-/// Exclusions, and which of them have met anything.
+/// Exclusions with a flag for those that have named an observation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Exclusions {
     list: Vec<(Exclusion, bool)>,
@@ -136,7 +136,7 @@ impl Exclusions {
         Self { list: list.iter().map(|exclusion| (*exclusion, false)).collect() }
     }
 
-    /// The first that names an observation; all that do have met something.
+    /// The first exclusion that names an observation; marks all that name it.
     pub(super) fn first(&mut self, observation: &Observation) -> Option<Exclusion> {
         let mut first = None;
         for (exclusion, has_met) in &mut self.list {
@@ -148,7 +148,7 @@ impl Exclusions {
         first
     }
 
-    /// Those that have met nothing.
+    /// Exclusions that have named no observation.
     pub(super) fn idle(&self) -> impl Iterator<Item = Exclusion> {
         self.list.iter().filter(|(_, has_met)| !has_met).map(|(exclusion, _)| *exclusion)
     }

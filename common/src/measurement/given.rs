@@ -1,4 +1,4 @@
-//! Observations that come with their satellites' states and corrections.
+//! Recorded observations with satellite states and corrections.
 
 use super::channel::ChannelObservation;
 use super::{Corrector, PreparedObservation};
@@ -7,64 +7,63 @@ use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{EpochFlag, Observation, ObservationEpoch};
 use crate::time::GpsTime;
 
-/// Distances of navigation satellites from the Earth's centre, with ample room, m.
+/// Plausible distances of navigation satellites from the Earth's centre, m.
 pub(crate) const ORBIT_BOUNDS_M: std::ops::RangeInclusive<f64> = 1.5e7..=6e7;
-/// Largest speed of a satellite in the Earth-fixed frame, m/s.
+/// Maximum speed of a satellite in the Earth-fixed frame, m/s.
 pub(crate) const MAX_SATELLITE_SPEED_MPS: f64 = 1e4;
-/// Largest satellite clock offset (10 ms), m.
+/// Maximum satellite clock offset (10 ms), m.
 pub(crate) const MAX_SATELLITE_CLOCK_M: f64 = 3e6;
-/// Largest satellite clock drift, m/s.
+/// Maximum satellite clock drift, m/s.
 pub(crate) const MAX_SATELLITE_DRIFT_MPS: f64 = 10.0;
 
-/// Satellite state and corrections that came with a recording, in place of those from products.
+/// Satellite state and corrections from a recording, in place of those from products.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GivenCorrections {
-    /// Satellite at transmission, m, in the Earth-fixed frame of the *transmission*.
+    /// Satellite position at transmission, m, in the Earth-fixed frame of the *transmission*.
     pub satellite_position: Ecef,
-    /// Its velocity in the same frame, m/s.
+    /// Satellite velocity in the same frame, m/s.
     pub satellite_velocity: EcefVector,
     /// Satellite clock offset, relativity and group delay included, m.
     pub clock_m: f64,
-    /// Its drift, m/s.
+    /// Satellite clock drift, m/s.
     pub clock_drift_mps: f64,
-    /// Receiver bias between signals, m; taken from the pseudorange.
+    /// Receiver bias between signals, m; subtracted from the pseudorange.
     pub receiver_bias_m: f64,
-    /// Ionospheric delay of this signal, m; by the products' model if `None`.
+    /// Ionospheric delay of this signal, m; `None`: by the products' model.
     pub ionosphere_m: Option<f64>,
-    /// Tropospheric delay, m; by the standard atmosphere if `None`.
+    /// Tropospheric delay, m; `None`: by the standard atmosphere.
     pub troposphere_m: Option<f64>,
     /// Standard deviation of orbit and clock together along the line of sight, m.
     pub sigma_m: f64,
-    /// The receiver's own standard deviation of the pseudorange, m. It stands in for the stochastic model, which has nothing
-    /// to go by, where no C/N0 was recorded.
+    /// Standard deviation of the pseudorange by the receiver, m; replaces the stochastic model for observations without a C/N0.
     pub code_sigma_m: Option<f64>,
 }
 
-/// One satellite's signal at one epoch, with what the recording states about it.
+/// One satellite's signal at one epoch, with the recording's data on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedObservation {
     /// The raw observation.
     pub observation: Observation,
-    /// Carrier frequency, Hz, where it is known.
+    /// Carrier frequency, Hz, if known.
     pub frequency_hz: Option<f64>,
-    /// Satellite state and corrections by the recording; `None` where they are missing.
+    /// Satellite state and corrections of the recording; `None` if missing.
     pub given: Option<GivenCorrections>,
 }
 
-/// An epoch with what its recording states beyond raw observations.
+/// A recorded epoch with more data than raw observations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedEpoch {
-    /// Receive time by the phone's clock, GPS time. The challenge tables of 2021 cut it to a millisecond; the first row's
-    /// transmission and pseudorange tell the rest.
+    /// Receive time by the phone's clock, GPS time. The challenge tables of 2021 truncate it to a millisecond; the transmission time and
+    /// pseudorange of the first row restore it.
     pub time_gps: GpsTime,
-    /// One per satellite and signal, in file order.
+    /// One entry per satellite and signal, in file order.
     pub observations: Vec<RecordedObservation>,
-    /// Of GLONASS satellites that the phone knows by their frequency channel only.
+    /// Observations of GLONASS satellites known by their frequency channel only.
     pub by_channel: Vec<ChannelObservation>,
 }
 
 impl RecordedEpoch {
-    /// The raw observations, to be corrected with other products.
+    /// The raw observations, for corrections with other products.
     pub fn to_observations(&self) -> ObservationEpoch {
         ObservationEpoch {
             time_gps: self.time_gps,
@@ -73,14 +72,13 @@ impl RecordedEpoch {
         }
     }
 
-    /// Whether any of the observations has corrections of its own.
+    /// Whether an observation has recorded corrections.
     pub fn has_corrections(&self) -> bool {
         self.observations.iter().any(|recorded| recorded.given.is_some())
     }
 
-    /// The observations with the recording's own satellite states and corrections, in place of [`Corrector::prepare`];
-    /// [`Corrector::finish`] then sees them from a position. Observations to which the recording gives none are prepared with
-    /// the corrector's products.
+    /// Prepares the observations with the recording's satellite states and corrections, in place of [`Corrector::prepare`];
+    /// [`Corrector::finish`] follows. Observations without recorded corrections are prepared with the corrector's products.
     pub fn prepare(&self, corrector: &mut Corrector) -> Vec<PreparedObservation> {
         let mut others = ObservationEpoch { observations: Vec::new(), ..self.to_observations() };
         let mut given = Vec::with_capacity(self.observations.len());
@@ -102,16 +100,17 @@ impl RecordedEpoch {
         prepared
     }
 
-    /// The observations with the corrector's products. Where these do not know a satellite, its state by the recording is taken,
-    /// if there is one (counted). Else of the recording only the phone's own uncertainties are taken, for want of C/N0.
+    /// Prepares the observations with the corrector's products. For a satellite without a state in the products the recorded state is used
+    /// (counted).
+    /// Otherwise only the receiver's standard deviations are taken from the recording, for observations without a C/N0.
     pub fn prepare_with_products(&self, corrector: &mut Corrector) -> Vec<PreparedObservation> {
         corrector.prepare_stated(&self.to_observations(), |index| self.observations.get(index))
     }
 }
 
 impl Corrector {
-    /// As [`Corrector::prepare`], for an observation whose satellite state and corrections came with it. `frequency_hz` is the carrier's, where
-    /// it is known; range rates need it, and a model of the ionosphere. `None` without a pseudorange, and for one that is excluded or below the mask.
+    /// Like [`Corrector::prepare`], for an observation with recorded satellite state and corrections. Range rates and ionosphere models
+    /// need the carrier frequency `frequency_hz`. `None` without a pseudorange, and for an excluded or masked observation.
     pub fn prepare_given(
         &mut self,
         observation: &Observation,

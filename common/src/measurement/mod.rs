@@ -45,7 +45,7 @@ use serde::{Deserialize, Serialize};
 use crate::frames::{Direction, Ecef, EcefVector};
 use crate::gnss::{ClockGroup, SatelliteId, SignalCode};
 
-/// A pseudorange and range rate freed of everything but geometry, receiver clock and noise.
+/// Corrected pseudorange and range rate, with only geometry, receiver clock and noise left.
 ///
 /// The model is P_c = |r_s − r_k| + c·dt_k,group + ε, and for the rate ρ̇_c = (v_s − v_k)·u + c·ḋt_k + ε.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,9 +56,9 @@ pub struct CorrectedObservation {
     pub signal: SignalCode,
     /// Corrected pseudorange P_c, m.
     pub pseudorange_m: f64,
-    /// Its standard deviation by the stochastic model, m.
+    /// Standard deviation of the pseudorange by the stochastic model, m.
     pub pseudorange_sigma_m: f64,
-    /// Corrected range rate, if a Doppler was recorded.
+    /// Corrected range rate, if there was a Doppler.
     pub range_rate: Option<RangeRate>,
     /// Carrier-to-noise density, dB-Hz, if recorded.
     pub cn0_dbhz: Option<f64>,
@@ -68,7 +68,7 @@ pub struct CorrectedObservation {
     pub satellite_position: Ecef,
     /// Satellite velocity at transmission in the same frame, m/s.
     pub satellite_velocity: EcefVector,
-    /// What the phone's own solution did with it.
+    /// Use in the phone's own solution.
     pub usage: Usage,
     /// Residual after the phone's own epoch-wise solution, m (observed − computed); `None` without a solution.
     pub residual_m: Option<f64>,
@@ -79,21 +79,21 @@ pub struct CorrectedObservation {
 pub struct RangeRate {
     /// Rate, m/s, positive = receding, satellite clock drift removed.
     pub range_rate_mps: f64,
-    /// Its standard deviation, m/s.
+    /// Standard deviation of the rate, m/s.
     pub sigma_mps: f64,
 }
 
-/// What became of an observation.
+/// Use of an observation in a solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Usage {
-    /// In the solution.
+    /// Used in the solution.
     Used,
     /// Excluded by RAIM.
     Excluded,
 }
 
 impl CorrectedObservation {
-    /// The receiver clock that this observation sees.
+    /// Receiver clock of this observation.
     pub const fn clock_group(&self) -> ClockGroup {
         ClockGroup { constellation: self.satellite.constellation, band: self.signal.band }
     }

@@ -1,10 +1,10 @@
 //! Ionosphere-free pairs: P_IF = (f₁²P₁ − f₂²P₂)/(f₁² − f₂²).
 //!
-//! The delay of a signal in the ionosphere is, but for millimetres to centimetres of higher order, inversely proportional to
-//! the square of its frequency, so this combination of two signals of one satellite is free of it (IS-GPS-200, 20.3.3.3.3.3).
-//! Each signal gets its own group delay first. What the receiver delays one signal against the other stays, the same for
-//! all satellites of a system: each pair of bands has a receiver clock of its own ([`SignalCode::pair`]). The price is noise:
-//! L1 and L5 of equal noise make a pair of 2.6 times that, L1 and L2 of 3.0 times.
+//! The ionospheric delay of a signal is inversely proportional to the square of its frequency, except for higher-order terms of millimetres
+//! to centimetres, so this combination of two signals of one satellite is free of it (IS-GPS-200, 20.3.3.3.3.3). The group delay of each
+//! signal is corrected before. The receiver's delay between the two signals remains; it is the same for all satellites of a system, so each
+//! pair of bands has its own receiver clock ([`SignalCode::pair`]). The combination amplifies the noise: by 2.6 for L1 and L5 of equal
+//! noise, by 3.0 for L1 and L2.
 
 use std::str::FromStr;
 
@@ -14,24 +14,24 @@ use super::{GivenCorrections, PreparedObservation};
 use crate::gnss::{Constellation, SignalCode};
 use crate::skips::{Reason, Skips};
 
-/// Pairs that multiply the noise by more than this are not formed (L2 and L5: 16.6).
+/// Maximum noise amplification of a pair (L2 and L5 would have 16.6).
 const MOST_NOISE: f64 = 5.0;
 
-/// What is done about the ionosphere.
+/// Treatment of the ionospheric delay.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ionosphere {
-    /// Every signal by itself, with the delay of a model (or of the recording, where it states one).
+    /// Single signals, with the delay of a model or of the recording.
     #[default]
     Model,
-    /// The ionosphere-free pair of satellites with two usable bands in an epoch; the others as by
-    /// [`Ionosphere::Model`], with receiver clocks of their own.
+    /// Ionosphere-free pairs for satellites with two usable bands in an epoch; other satellites as by
+    /// [`Ionosphere::Model`], with separate receiver clocks.
     Pair,
-    /// Pairs, and nothing else.
+    /// Ionosphere-free pairs only.
     PairOnly,
 }
 
-/// A word that names none.
+/// Error for an unknown word.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("'{text}' is not a way to treat the ionosphere: write 'model', 'pair' or 'pair-only'")]
 pub struct IonosphereError {
@@ -54,20 +54,20 @@ impl FromStr for Ionosphere {
 /// The second signal of a pair.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Second {
-    /// The pair's name.
+    /// Signal code of the pair.
     pub(super) pair: SignalCode,
-    /// f₁²/(f₁² − f₂²), by which the first is multiplied; the second by one less.
+    /// Factor f₁²/(f₁² − f₂²) of the first signal; that of the second is lower by one.
     factor: f64,
-    /// Its strength, dB-Hz.
+    /// C/N0 of the second signal, dB-Hz.
     pub(super) cn0_dbhz: Option<f64>,
-    /// Its standard deviation by the receiver, m.
+    /// Standard deviation of the second code by the receiver, m.
     pub(super) code_sigma_m: Option<f64>,
-    /// Variance of what it has alone, beside its noise, m².
+    /// Variance of the errors of the second signal alone, without its noise, m².
     signal_variance_m2: f64,
 }
 
 impl Second {
-    /// Variance of the pair, from that of the first signal and of this one's noise, m².
+    /// Variance of the pair from that of the first signal and the noise variance of the second, m².
     pub(super) fn variance_m2(&self, first_m2: f64, own_noise_m2: f64) -> f64 {
         let second_m2 = own_noise_m2 + self.signal_variance_m2;
         self.factor.powi(2) * first_m2 + (self.factor - 1.0).powi(2) * second_m2
@@ -75,9 +75,9 @@ impl Second {
 }
 
 impl Ionosphere {
-    /// Replaces signals by pairs. Of a satellite's signals the two whose frequencies are farthest apart make the pair, since
-    /// it has the least noise: L1 and L5 before L1 and L2, E1 and E5a before E1 and E5b. The satellite's other
-    /// signals are left out. The pair has the range rate of its first signal; where that has none, of its second.
+    /// Replaces signals by pairs. The two signals of a satellite with the largest frequency difference make the pair with the least noise:
+    /// L1 and L5 before L1 and L2, E1 and E5a before E1 and E5b. Other signals of the satellite are left out. The pair has the range rate
+    /// of its first signal, or else of its second.
     pub(super) fn combine(
         self,
         prepared: Vec<PreparedObservation>,
@@ -105,7 +105,7 @@ impl Ionosphere {
     }
 }
 
-/// The pair with the least noise, if there is one.
+/// The pair with the least noise, if there is a pair.
 fn best_pair<'a, I>(signals: impl Fn() -> I) -> Option<PreparedObservation>
 where
     I: Iterator<Item = &'a PreparedObservation>,
@@ -123,25 +123,24 @@ where
     pair(factor, first, second)
 }
 
-/// By what the variance of a signal's code is multiplied in an observation, if both signals of a pair have the same: 1 for a
-/// single signal.
+/// Variance amplification of an ionosphere-free pair, a² + (a−1)²; 1 for a single signal.
 pub(super) fn variance_factor(signal: SignalCode, constellation: Constellation) -> f64 {
     pair_factor(signal, constellation).map_or(1.0, |factor| factor.powi(2) + (factor - 1.0).powi(2))
 }
 
-/// f₁²/(f₁² − f₂²) of a pair by its name; `None` of a single signal.
+/// Factor a = f₁²/(f₁² − f₂²) of a pair by its signal code; `None` for a single signal.
 pub(super) fn pair_factor(signal: SignalCode, constellation: Constellation) -> Option<f64> {
     let (first, second) = signal.bands_of_pair()?;
-    // The two bands of GLONASS have the same ratio on every channel.
+    // The frequency ratio of GLONASS' two bands is the same on every channel.
     let frequency_hz = |band| SignalCode::new(band, signal.attribute).frequency_hz(constellation, Some(0));
     factor(frequency_hz(first)?, frequency_hz(second)?)
 }
 
-/// f₁²/(f₁² − f₂²) for f₁ > f₂ not too near each other.
+/// Factor f₁²/(f₁² − f₂²); `None` unless f₁ > f₂ with a sufficient difference.
 fn factor(first_hz: f64, second_hz: f64) -> Option<f64> {
     let ratio = (first_hz / second_hz).powi(2);
     let factor = ratio / (ratio - 1.0);
-    // Frequencies that are not known are not a number, and no comparison holds.
+    // Unknown frequencies are NaN, for which comparisons are false.
     (ratio > 1.0 && factor.hypot(factor - 1.0) <= MOST_NOISE).then_some(factor)
 }
 

@@ -1,14 +1,14 @@
-//! A sky for unit tests: corrected observations of satellites in stated directions, exact to rounding.
+//! Simulated sky for unit tests: corrected observations of satellites in given directions, without errors.
 
 use super::{CorrectedObservation, RangeRate, Usage};
 use crate::frames::{Direction, Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 
-/// A phone's true state and clocks.
+/// True state and clocks of a phone.
 pub(crate) struct Receiver {
     pub position: Ecef,
     pub velocity: EcefVector,
-    /// Clock of GPS, Galileo and BeiDou, m.
+    /// Clocks of GPS, Galileo and BeiDou, m.
     pub clocks_m: [f64; 3],
     pub drift_mps: f64,
 }
@@ -23,7 +23,7 @@ impl Receiver {
         }
     }
 
-    /// Observations in the directions (azimuth°, elevation°), systems in turn.
+    /// Observations in the directions (azimuth°, elevation°), with alternating systems.
     pub fn observe(&self, directions_deg: &[(f64, f64)]) -> Vec<CorrectedObservation> {
         let systems = [Constellation::Gps, Constellation::Galileo, Constellation::Beidou];
         directions_deg
@@ -72,7 +72,7 @@ impl Receiver {
     }
 }
 
-/// Twelve well-spread directions.
+/// Twelve directions with a good geometry.
 pub(crate) const OPEN_SKY_DEG: [(f64, f64); 12] = [
     (10.0, 70.0),
     (80.0, 25.0),

@@ -1,13 +1,13 @@
-//! How uncertain a measurement is, from its signal strength and elevation.
+//! Variances of measurements by C/N0 and elevation.
 
 use serde::{Deserialize, Serialize};
 
-/// A measurement without C/N0 counts as this weak, dB-Hz.
+/// C/N0 assumed for a measurement without it, dB-Hz.
 const UNKNOWN_CN0_DBHZ: f64 = 25.0;
-/// Elevations below this are weighted as this, rad (about 3°): 1/sin e has no bound.
+/// Minimum elevation in the weights, rad (about 3°), because 1/sin e has no bound.
 const LOWEST_ELEVATION_RAD: f64 = 0.05;
 
-/// A model of the variance of one kind of measurement, in that measurement's unit squared.
+/// Variance model of one kind of measurement, in the square of its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum VarianceModel {
     /// σ² = a + b·10^(−C/N0/10) (Peng 2023, after Bahadur 2022).
@@ -24,7 +24,7 @@ pub enum VarianceModel {
         /// Standard deviation at the zenith.
         zenith: f64,
     },
-    /// The sum of both: σ² = a + b·10^(−C/N0/10) + (σ_0/sin e)².
+    /// Sum of both: σ² = a + b·10^(−C/N0/10) + (σ_0/sin e)².
     Sum {
         /// Floor a.
         a: f64,
@@ -33,7 +33,7 @@ pub enum VarianceModel {
         /// Standard deviation at the zenith.
         zenith: f64,
     },
-    /// The product: σ² = (a + b·10^(−C/N0/10))/sin² e.
+    /// Product: σ² = (a + b·10^(−C/N0/10))/sin² e.
     Product {
         /// Floor a.
         a: f64,
@@ -43,7 +43,7 @@ pub enum VarianceModel {
 }
 
 impl VarianceModel {
-    /// The variance for a C/N0 (dB-Hz; missing counts as 25) and an elevation (rad; at least 0.05).
+    /// Variance for a C/N0 (dB-Hz; 25 if missing) and an elevation (rad; at least 0.05).
     pub fn variance(&self, cn0_dbhz: Option<f64>, elevation_rad: f64) -> f64 {
         let noise = || 10_f64.powf(cn0_dbhz.unwrap_or(UNKNOWN_CN0_DBHZ) / -10.0);
         let sine_squared = || elevation_rad.max(LOWEST_ELEVATION_RAD).sin().powi(2);
@@ -59,14 +59,14 @@ impl VarianceModel {
 /// The variance models of code and Doppler.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StochasticModel {
-    /// Pseudoranges, m².
+    /// Model of pseudoranges, m².
     pub code: VarianceModel,
-    /// Range rates, (m/s)².
+    /// Model of range rates, (m/s)².
     pub rate: VarianceModel,
 }
 
 impl StochasticModel {
-    /// C/N0 alone, with the constants that Peng 2023 takes from Bahadur 2022 for code, and the same shape for Doppler.
+    /// C/N0 model with the constants of Bahadur 2022 for code as in Peng 2023, and the same form for Doppler.
     pub const fn peng2023() -> Self {
         Self {
             code: VarianceModel::Cn0 { a: 1.0, b: 28_200.0 },
@@ -76,7 +76,7 @@ impl StochasticModel {
 }
 
 impl Default for StochasticModel {
-    /// Our own: round values between those that searches on two recorded sessions found, checked on a third; see docs/results.md.
+    /// Values rounded from searches on two recorded sessions and checked on a third; see docs/results.md.
     fn default() -> Self {
         Self {
             code: VarianceModel::Sum { a: 1.0, b: 20_000.0, zenith: 0.5 },

@@ -1,10 +1,10 @@
 //! Accuracy indices of the navigation messages, as standard deviations.
 
-/// Accuracy assumed where a message gives no prediction, m. It keeps the satellite, with little weight.
+/// Standard deviation assumed for a message without a prediction, m. The satellite stays in use with little weight.
 pub const UNKNOWN_ACCURACY_M: f64 = 10.0;
 
 /// Nominal user range accuracy of an index, m (IS-GPS-200, 20.3.3.3.1.3; BDS-SIS-ICD-B1I, 5.2.4.5). Index 15, no
-/// prediction, stands for "more than 6144 m".
+/// prediction, means "more than 6144 m".
 pub fn ura_m(index: u64) -> f64 {
     match index {
         1 => 2.8,
@@ -33,7 +33,7 @@ pub fn sisa_m(index: u64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Every index of the two tables that ends a step of it.
+    /// All indices at the ends of the tables' steps.
     #[test]
     fn indices_are_the_metres_of_the_documents() {
         let ura =

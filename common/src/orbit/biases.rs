@@ -1,9 +1,9 @@
 //! Group delay corrections from observable-specific biases.
 //!
-//! A network's biases and clocks belong together: with each pseudorange reduced by its bias, P − c·OSB, the ionosphere-free pair that the
-//! clocks refer to has no bias left, and any single signal fits the clocks up to one constant for a whole system (a convention of the
-//! product, which a receiver clock takes up). The same constant separates OSB from the TGD of navigation messages. So within a
-//! system both are mixed only after that constant has been estimated (`datum_m`).
+//! Biases and clocks of a network belong together: with each pseudorange reduced by its bias, P − c·OSB, the ionosphere-free pair of the
+//! clocks has no remaining bias, and every single signal agrees with the clocks up to one constant per system (a convention of the product,
+//! absorbed by a receiver clock). The same constant separates OSB from the TGD of navigation messages, so both are mixed within a system
+//! only after it has been estimated (`datum_m`).
 
 use std::collections::BTreeMap;
 
@@ -12,9 +12,9 @@ use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::time::GpsTime;
 
-/// Some files end a day at its last second, s.
+/// Tolerance for files that end a day at its last second, s.
 const GRACE_S: f64 = 1.0;
-/// Fewest satellites from which the constant between biases and navigation messages is estimated.
+/// Minimum number of satellites for estimating the constant between biases and navigation messages.
 const MIN_COMMON_SATELLITES: usize = 3;
 
 /// Biases of all satellites.
@@ -25,15 +25,15 @@ pub(super) struct Biases {
 }
 
 impl Biases {
-    /// Adds a file. Of biases in force at once the one that began last holds, and of those the one added first.
+    /// Adds a file. Of several valid biases the one with the latest start is used, and of those the one added first.
     pub(super) fn add(&mut self, file: BiasFile) {
         for bias in file.biases {
-            // An open end is as good as a day beyond any other: the span only tells people.
+            // An open end is far in the future; the span serves only as information.
             let end = bias.end.unwrap_or_else(|| GpsTime::from_nanos(i64::MAX));
             let (first, last) = self.span.unwrap_or((bias.start, end));
             self.span = Some((first.min(bias.start), last.max(end)));
             let windows = self.satellites.entry(bias.satellite).or_default().entry(bias.signal).or_default();
-            // Equals before those that are there: searched from the end, the first added is found first.
+            // Inserted before those with the same start: the search runs from the end, so the first added is found first.
             let at = windows.partition_point(|other| other.start < bias.start);
             windows.insert(at, bias);
         }
@@ -44,13 +44,13 @@ impl Biases {
         self.of(constellation).any(|satellite| self.correction_m(satellite, signal, time).is_some())
     }
 
-    /// Satellites of a system that have any bias.
+    /// Satellites of a system with a bias.
     fn of(&self, constellation: Constellation) -> impl Iterator<Item = SatelliteId> {
         let whole = SatelliteId::new(constellation, 0)..=SatelliteId::new(constellation, u8::MAX);
         self.satellites.range(whole).map(|(satellite, _)| *satellite)
     }
 
-    /// Metres to add to a pseudorange, −c·OSB: of the signal itself, else of the one that stands for it (see [`stand_ins`]).
+    /// Metres to add to a pseudorange, −c·OSB, from the bias of the signal or of its substitute (see [`stand_ins`]).
     pub(super) fn correction_m(
         &self,
         satellite: SatelliteId,
@@ -68,7 +68,7 @@ impl Biases {
         Some(-SPEED_OF_LIGHT_MPS * bias_s)
     }
 
-    /// The constant between the biases and corrections by another rule, m: the median over satellites that have both.
+    /// The constant between biases and corrections by another rule, m: the median over satellites with both.
     pub(super) fn datum_m(
         &self,
         constellation: Constellation,
@@ -90,29 +90,29 @@ impl Biases {
         Some(0.5 * (lower + upper))
     }
 
-    /// From the earliest beginning to the latest end of any bias.
+    /// From the earliest start to the latest end of all biases.
     pub(super) const fn span(&self) -> Option<(GpsTime, GpsTime)> {
         self.span
     }
 }
 
-/// The bias in force: of those that have begun, the last.
+/// The valid bias with the latest start.
 fn in_force(windows: &[CodeBias], time: GpsTime) -> Option<&CodeBias> {
     let begun = windows.partition_point(|bias| bias.start <= time);
     let holds = |bias: &&CodeBias| bias.end.is_none_or(|end| time <= end + GRACE_S);
     windows.get(..begun)?.iter().rev().find(holds)
 }
 
-/// Attributes of signals whose bias serves where a signal has none of its own, best first. A signal's data part, pilot and both
-/// together share a modulation and differ by some tenths of a nanosecond. GPS and GLONASS civil codes differ by up to
-/// 2 ns from the precise code of the band, which is still nearer than nothing. L1C (GPS) is a signal of its own on L1.
+/// Attributes of signals whose bias substitutes a missing one, best first. The data part, the pilot and the combination of a signal have
+/// the same modulation and differ by some tenths of a nanosecond. GPS and GLONASS civil codes differ by up to 2 ns from the precise code of
+/// the band, which is still better than no correction. L1C (GPS) is a separate signal on L1.
 const fn stand_ins(constellation: Constellation, signal: SignalCode) -> &'static [u8] {
     match (constellation, signal.band, signal.attribute) {
         (Constellation::Gps | Constellation::Qzss, b'1', b'S' | b'L' | b'X') => b"XLSCW",
         (Constellation::Gps | Constellation::Qzss, b'1', _) => b"WPYC",
         (Constellation::Gps | Constellation::Qzss, b'2', _) => b"XLSCWPY",
         (Constellation::Glonass, _, _) => b"CPXIQ",
-        // B1C and B1A, B2a and the like: data and pilot; B1I, B2I, B3I: I, Q, X; E1: B and C.
+        // B1C and B1A, B2a and similar: data and pilot; B1I, B2I, B3I: I, Q, X; E1: B and C.
         _ => b"XCQPIDBLSZA",
     }
 }
@@ -192,7 +192,7 @@ mod tests {
             bias("G04", *b"1C", 4.0),
         ]);
         let signal = SignalCode::new(b'1', b'C');
-        // Rules that differ by 10 m, and one that is far off.
+        // Rules with a 10 m difference, and one outlier.
         let rule = |satellite: SatelliteId| {
             let own = known.correction_m(satellite, signal, start()).unwrap() - 10.0;
             match satellite.number {

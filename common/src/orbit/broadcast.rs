@@ -1,7 +1,7 @@
 //! Broadcast (Kepler) orbits and clocks.
 //!
 //! IS-GPS-200, table 20-IV; Galileo OS SIS ICD, 5.1.1; BDS-SIS-ICD-B1I, 5.2.4.12 (geostationary satellites
-//! included); IS-QZSS-PNT, user algorithm of LNAV. Velocity by differentiating each of the formulas.
+//! included); IS-QZSS-PNT, user algorithm of LNAV. Velocities are derivatives of the formulas.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -16,7 +16,7 @@ use crate::time::GpsTime;
 /// Tilt of the frame in which geostationary BeiDou orbits are given, rad.
 const BEIDOU_GEO_TILT_RAD: f64 = -5.0 * std::f64::consts::PI / 180.0;
 
-/// Longest distance from the reference time at which an ephemeris is used, s. GPS and QZSS: half the usual fit
+/// Maximum time from the reference time of an ephemeris, s. GPS and QZSS: half the usual fit
 /// interval of 4 h; Galileo: 4 h forward (OS SDD); BeiDou: messages are hourly, and files often have gaps.
 const fn max_age_s(constellation: Constellation) -> f64 {
     match constellation {
@@ -35,7 +35,7 @@ pub(crate) const fn gravity_and_rotation(constellation: Constellation) -> (f64, 
     }
 }
 
-/// Whether the message lets the satellite be used.
+/// Whether the message declares the satellite usable.
 ///
 /// GPS, BeiDou: health word 0. QZSS: its lowest bit concerns signals other than L1 C/A and is ignored.
 /// Galileo: no health status (HS) and no "without guarantee" flag (DVS) of E1-B, E5a, E5b (RINEX 3.05, table A8).
@@ -59,7 +59,7 @@ struct InPlane {
 }
 
 impl KeplerEphemeris {
-    /// Satellite state at an instant, whatever the ephemeris' age and health.
+    /// Satellite state at an instant, regardless of age and health of the ephemeris.
     pub fn state(&self, time: GpsTime) -> SatelliteState {
         let (gm, earth_rate) = gravity_and_rotation(self.satellite.constellation);
         let elapsed_s = time - self.toe;
@@ -112,7 +112,7 @@ impl KeplerEphemeris {
         }
     }
 
-    /// Geostationary BeiDou satellites: the orbit is given in a tilted frame that does not turn with the Earth.
+    /// Geostationary BeiDou satellites: the orbit is given in a tilted frame that does not rotate with the Earth.
     fn geostationary(
         &self,
         plane: &InPlane,
@@ -121,7 +121,7 @@ impl KeplerEphemeris {
     ) -> (Vector3<f64>, Vector3<f64>) {
         let node = self.omega0_rad + self.omega_dot_radps * elapsed_s - earth_rate * self.toe_own_tow_s;
         let (position, velocity) = plane.place(node, self.omega_dot_radps);
-        // The ICD's rotation matrices turn the axes; those of nalgebra turn the vector.
+        // The ICD's matrices rotate the axes; those of nalgebra rotate the vector.
         let tilt = Rotation3::from_axis_angle(&Vector3::x_axis(), -BEIDOU_GEO_TILT_RAD);
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), -earth_rate * elapsed_s);
         let (position, velocity) = (turn * (tilt * position), turn * (tilt * velocity));
@@ -130,7 +130,7 @@ impl KeplerEphemeris {
 }
 
 impl InPlane {
-    /// Turns into the frame whose x axis the ascending node's longitude is counted from.
+    /// Rotates into the frame whose x axis is the origin of the ascending node's longitude.
     fn place(&self, node: f64, node_rate: f64) -> (Vector3<f64>, Vector3<f64>) {
         let (sin_u, cos_u) = self.latitude.0.sin_cos();
         let (sin_i, cos_i) = self.inclination.0.sin_cos();
@@ -139,7 +139,7 @@ impl InPlane {
         let (x, y) = (r * cos_u, r * sin_u);
         let x_rate = r_rate * cos_u - y * self.latitude.1;
         let y_rate = r_rate * sin_u + x * self.latitude.1;
-        // y's component in the equatorial plane, and its rate.
+        // Component of y in the equatorial plane, and its rate.
         let flat = y * cos_i;
         let flat_rate = y_rate * cos_i - y * sin_i * self.inclination.1;
         let position = Vector3::new(x * cos_n - flat * sin_n, x * sin_n + flat * cos_n, y * sin_i);
@@ -178,12 +178,12 @@ impl Series {
         self.0.partition_point(|ephemeris| ephemeris.toe < time)
     }
 
-    /// The latest with a reference time before `time`.
+    /// The latest ephemeris with a reference time before `time`.
     fn before(&self, time: GpsTime) -> Option<&KeplerEphemeris> {
         self.split(time).checked_sub(1).and_then(|index| self.0.get(index))
     }
 
-    /// The one whose reference time is nearest; among equals the last transmitted.
+    /// The ephemeris with the nearest reference time; of equal ones the last transmitted.
     fn nearest(&self, time: GpsTime) -> Option<&KeplerEphemeris> {
         let before = self.before(time);
         let after = self.0.get(self.split(time)).and_then(|ephemeris| self.before(ephemeris.toe + 1e-9));
@@ -198,7 +198,7 @@ impl Series {
     }
 }
 
-/// A satellite's broadcast orbits. Galileo has two series; I/NAV is preferred, for phones track E1.
+/// Broadcast orbits of one satellite. Galileo has two series; I/NAV is preferred, because phones track E1.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BroadcastOrbit {
     main: Series,
@@ -206,7 +206,7 @@ pub(super) struct BroadcastOrbit {
 }
 
 impl BroadcastOrbit {
-    /// Adds an ephemeris; those of one reference time in order of transmission.
+    /// Adds an ephemeris; ephemerides of one reference time are in order of transmission.
     pub(super) fn add(&mut self, ephemeris: KeplerEphemeris) {
         let series = match ephemeris.message {
             NavigationMessage::GalileoFnav => &mut self.galileo_fnav,
@@ -216,12 +216,12 @@ impl BroadcastOrbit {
         series.0.insert(at, ephemeris);
     }
 
-    /// Whether there is any ephemeris.
+    /// Whether there is no ephemeris.
     pub(super) const fn is_empty(&self) -> bool {
         self.main.0.is_empty() && self.galileo_fnav.0.is_empty()
     }
 
-    /// The state by the ephemeris in force at an instant.
+    /// State by the ephemeris in force.
     pub(super) fn state(&self, satellite: SatelliteId, time: GpsTime) -> Result<SatelliteState, OrbitError> {
         let Some(ephemeris) = self.in_force(satellite, time) else {
             return Err(self.not_covered(satellite, time));
@@ -232,8 +232,8 @@ impl BroadcastOrbit {
         Ok(ephemeris.state(time))
     }
 
-    /// The ephemeris to use: that of the nearest reference time within the permitted age. Galileo sends its
-    /// messages after their reference time, so there it is the latest one that lies before `time`.
+    /// The ephemeris in force: that of the nearest reference time within the maximum age. Galileo sends its
+    /// messages after their reference time, so there it is the latest one before `time`.
     pub(super) fn in_force(&self, satellite: SatelliteId, time: GpsTime) -> Option<&KeplerEphemeris> {
         let limit = max_age_s(satellite.constellation);
         [&self.main, &self.galileo_fnav].into_iter().find_map(|series| {
@@ -245,7 +245,7 @@ impl BroadcastOrbit {
         })
     }
 
-    /// The message nearest in time at any age: the main series (I/NAV), and F/NAV.
+    /// The message nearest in time at any age: of the main series (I/NAV), and F/NAV.
     pub(super) fn nearest(&self, time: GpsTime) -> (Option<&KeplerEphemeris>, Option<&KeplerEphemeris>) {
         (self.main.nearest(time), self.galileo_fnav.nearest(time))
     }

@@ -1,4 +1,4 @@
-//! Satellite clocks of RINEX clock files, between their records.
+//! Interpolation of satellite clocks from RINEX clock files.
 
 use std::collections::BTreeMap;
 
@@ -6,11 +6,11 @@ use super::records::{ClockFile, ClockRecord};
 use crate::gnss::SatelliteId;
 use crate::time::GpsTime;
 
-/// Interpolation bridges this many intervals of the file (two missing records) …
+/// Maximum gap of the interpolation in intervals of the file (two missing records).
 const MAX_GAP_INTERVALS: f64 = 3.0;
-/// … and at most this time, s. A rubidium clock strays by a few centimetres in a quarter of an hour.
+/// Maximum gap of the interpolation, s. A rubidium clock varies by a few centimetres in a quarter of an hour.
 const MAX_GAP_S: f64 = 900.0;
-/// Times are in nanoseconds; a gap may exceed its limit by this, s.
+/// Tolerance of the maximum gap, s, because times are in nanoseconds.
 const TOLERANCE_S: f64 = 1e-3;
 
 /// Clock offset and drift at an instant, without the periodic relativistic term.
@@ -25,7 +25,7 @@ pub(super) struct ClockState {
 /// The clocks of all satellites.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clocks {
-    /// Of each satellite in order of time.
+    /// Clocks by satellite, in order of time.
     satellites: BTreeMap<SatelliteId, Vec<Node>>,
     span: Option<(GpsTime, GpsTime)>,
 }
@@ -34,12 +34,12 @@ pub(super) struct Clocks {
 struct Node {
     time: GpsTime,
     offset_s: f64,
-    /// How long before this node the one before it may be, s.
+    /// Maximum time from the previous node, s.
     max_gap_s: f64,
 }
 
 impl Clocks {
-    /// Adds files. Where they overlap, the one that begins first holds, and of those the one named first.
+    /// Adds files. Where they overlap, the one with the earliest start is used, and of those the first.
     pub(super) fn add(&mut self, mut files: Vec<ClockFile>) {
         files.sort_by_key(|file| file.records.first().map(|record| record.time));
         for file in files {
@@ -55,14 +55,14 @@ impl Clocks {
         }
     }
 
-    /// The clock of a satellite, linear between neighbouring records; `None` outside the records and in gaps of more than three
+    /// Clock of a satellite, linear between neighbouring records; `None` outside the records and in gaps of more than three
     /// intervals or 15 minutes.
     pub(super) fn state(&self, satellite: SatelliteId, time: GpsTime) -> Option<ClockState> {
         let nodes = self.satellites.get(&satellite)?;
         let right = nodes.partition_point(|node| node.time < time);
         let at = |index: usize| between(nodes.get(index.checked_sub(1)?)?, nodes.get(index)?);
         let (node, drift_sps) = match nodes.get(right)? {
-            // On a record, the interval after it serves where there is none before it.
+            // At a record without a usable interval before it, the interval after it is used.
             node if node.time == time => (node, at(right).or_else(|| at(right + 1))?),
             node => (node, at(right)?),
         };
@@ -70,13 +70,13 @@ impl Clocks {
         Some(ClockState { offset_s, drift_sps })
     }
 
-    /// First and last record of any satellite.
+    /// First and last record of all satellites.
     pub(super) const fn span(&self) -> Option<(GpsTime, GpsTime)> {
         self.span
     }
 }
 
-/// The drift between neighbours, s/s; `None` when they are too far apart.
+/// Drift between neighbours, s/s; `None` if they are too far apart.
 fn between(a: &Node, b: &Node) -> Option<f64> {
     let gap_s = b.time - a.time;
     (gap_s <= b.max_gap_s + TOLERANCE_S).then(|| (b.offset_s - a.offset_s) / gap_s)

@@ -1,8 +1,8 @@
 //! GLONASS broadcast orbits and clocks.
 //!
-//! A message gives position, velocity and the luni-solar acceleration at one instant; the orbit between is integrated
+//! A message contains position, velocity and the luni-solar acceleration at one instant; the orbit is integrated from there
 //! (GLONASS ICD, L1 and L2, edition 5.1, appendix A.3.1.2). The frame is PZ-90.11, which agrees with WGS-84 and
-//! ITRF to centimetres and is treated as one with them.
+//! ITRF to centimetres and is treated as identical.
 
 use nalgebra::Vector3;
 
@@ -18,21 +18,21 @@ const RADIUS_PZ90_M: f64 = 6_378_136.0;
 const J2_PZ90: f64 = 1.082_625_7e-3;
 /// Earth rotation rate of PZ-90, rad/s (ICD table 3.2).
 const EARTH_ROTATION_PZ90_RADPS: f64 = 7.292_115e-5;
-/// Longest integration step, s. Half of the customary 60 s, so that the step's own error is below 0.1 mm.
+/// Maximum integration step, s. Half of the customary 60 s, so that the error of a step is below 0.1 mm.
 const MAX_STEP_S: f64 = 30.0;
-/// Longest distance from the reference time at which a message is used, s. Messages come every half hour and serve
+/// Maximum time from the reference time of a message, s. Messages are half-hourly and valid
 /// a quarter of an hour to both sides; files have gaps.
 const MAX_AGE_S: f64 = 1_800.0;
-/// Longest integration, s: beyond it the state has no meaning, and an absurd time must not cost minutes.
+/// Maximum integration time, s: the state has no meaning beyond it, and a wrong time must not cost minutes of computation.
 const MAX_INTEGRATION_S: f64 = 86_400.0;
 
-/// Accuracy where a message does not tell, m.
+/// Standard deviation for a message without an accuracy, m.
 const USUAL_ACCURACY_M: f64 = 5.0;
 /// Standard deviation by the accuracy factor F_T, m (ICD table 4.4).
 const ACCURACY_M: [f64; 15] =
     [1.0, 2.0, 2.5, 4.0, 5.0, 7.0, 10.0, 12.0, 14.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0];
 
-/// Standard deviation of orbit and clock together by the accuracy factor F_T, m; of no factor, the usual one.
+/// Standard deviation of orbit and clock together by the accuracy factor F_T, m; without a factor the usual one.
 pub(crate) fn accuracy_m(factor: Option<u8>) -> f64 {
     factor.and_then(|factor| ACCURACY_M.get(usize::from(factor))).copied().unwrap_or(USUAL_ACCURACY_M)
 }
@@ -50,18 +50,18 @@ pub struct GlonassEphemeris {
     pub velocity: EcefVector,
     /// Acceleration by Sun and Moon, m/s², constant over the message's validity.
     pub acceleration: EcefVector,
-    /// τ_n: how much the satellite's time is *behind* system time, s. The clock offset is −τ_n.
+    /// τ_n: delay of the satellite's time *behind* system time, s. The clock offset is −τ_n.
     pub tau_s: f64,
     /// γ_n: relative deviation of the carrier frequency from its nominal value; the clock's drift.
     pub gamma: f64,
-    /// Δτ_n: how much later L2 leaves the satellite than L1, s; `None` when the file does not know it.
+    /// Δτ_n: delay of L2 relative to L1 at the satellite, s; `None` if the file does not contain it.
     pub l2_delay_s: Option<f64>,
     /// Frequency channel, −7…13.
     pub frequency_channel: i8,
-    /// Health word B_n, 0 = healthy; `None` when the file does not know it.
+    /// Health word B_n, 0 = healthy; `None` if the file does not contain it.
     pub health: Option<u8>,
     /// Further health flags (RINEX 3.05, table A10): bit 0 C_n of the almanac (1 = healthy), bit 1 whether the almanac
-    /// reports it, bit 2 l_n of string 3 (1 = not healthy). `None` when the file does not know them.
+    /// reports it, bit 2 l_n of string 3 (1 = not healthy). `None` if the file does not contain them.
     pub health_flags: Option<u8>,
     /// Age of the immediate data E_n, days.
     pub age_days: f64,
@@ -80,14 +80,14 @@ impl Motion {
 }
 
 impl GlonassEphemeris {
-    /// Whether the message lets the satellite be used. Flags that the file does not know speak for the satellite.
+    /// Whether the message declares the satellite usable. Missing flags count as healthy.
     pub fn is_healthy(&self) -> bool {
         let flags = self.health_flags.unwrap_or(0);
         let refused_by_almanac = flags & 0b011 == 0b010;
         self.health.unwrap_or(0) == 0 && flags & 0b100 == 0 && !refused_by_almanac
     }
 
-    /// Satellite state at an instant, whatever the message's age and health; beyond a day from its reference time, the
+    /// Satellite state at an instant, regardless of age and health of the message; beyond a day from its reference time, the
     /// state at one day.
     pub fn state(&self, time: GpsTime) -> SatelliteState {
         let elapsed_s = (time - self.toe).clamp(-MAX_INTEGRATION_S, MAX_INTEGRATION_S);
@@ -102,7 +102,7 @@ impl GlonassEphemeris {
         }
     }
 
-    /// Runge-Kutta of fourth order in equal steps.
+    /// Fourth-order Runge-Kutta integration in equal steps.
     fn integrate(&self, elapsed_s: f64) -> Motion {
         let mut motion = Motion(self.position.0, self.velocity.0);
         let steps = (elapsed_s.abs() / MAX_STEP_S).ceil().max(1.0);
@@ -119,7 +119,7 @@ impl GlonassEphemeris {
         motion
     }
 
-    /// The equations of motion in the rotating frame: central attraction, oblateness, Sun and Moon, rotation.
+    /// Equations of motion in the rotating frame: central attraction, oblateness, Sun and Moon, rotation.
     fn rate(&self, Motion(r, v): Motion) -> Motion {
         let square = r.norm_squared();
         let central = GRAVITY_PZ90_M3PS2 / (square * square.sqrt());
@@ -131,7 +131,7 @@ impl GlonassEphemeris {
         Motion(v, gravity + rotation + self.acceleration.0)
     }
 
-    /// Health word and flags in one number for messages to people: B_n + 2·flags.
+    /// Health word and flags in one number for texts: B_n + 2·flags.
     fn health_number(&self) -> f64 {
         f64::from(self.health.unwrap_or(0)) + 2.0 * f64::from(self.health_flags.unwrap_or(0))
     }
@@ -142,18 +142,18 @@ impl GlonassEphemeris {
 pub(super) struct GlonassOrbit(Vec<GlonassEphemeris>);
 
 impl GlonassOrbit {
-    /// Adds a message; those of one reference time in order of transmission.
+    /// Adds a message; messages of one reference time are in order of transmission.
     pub(super) fn add(&mut self, ephemeris: GlonassEphemeris) {
         let at = self.0.partition_point(|other| other.toe <= ephemeris.toe);
         self.0.insert(at, ephemeris);
     }
 
-    /// Whether there is none.
+    /// Whether there is no message.
     pub(super) const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// The message whose reference time is nearest, at any age; among equals the last transmitted.
+    /// The message with the nearest reference time, at any age; of equal ones the last transmitted.
     pub(super) fn nearest(&self, time: GpsTime) -> Option<&GlonassEphemeris> {
         let split = self.0.partition_point(|ephemeris| ephemeris.toe < time);
         let before = split.checked_sub(1).and_then(|index| self.0.get(index));
@@ -165,12 +165,12 @@ impl GlonassOrbit {
         }
     }
 
-    /// The message to use: the nearest within the permitted age.
+    /// The message in force: the nearest within the maximum age.
     pub(super) fn in_force(&self, time: GpsTime) -> Option<&GlonassEphemeris> {
         self.nearest(time).filter(|ephemeris| (time - ephemeris.toe).abs() <= MAX_AGE_S)
     }
 
-    /// The state by the message in force.
+    /// State by the message in force.
     pub(super) fn state(&self, satellite: SatelliteId, time: GpsTime) -> Result<SatelliteState, OrbitError> {
         let Some(ephemeris) = self.in_force(time) else {
             let (Some(first), Some(last)) = (self.0.first(), self.0.last()) else {
@@ -225,7 +225,7 @@ mod tests {
         assert!((back.velocity.0 - start.velocity.0).norm() < 1e-7);
     }
 
-    /// Energy in the rotating frame (Jacobi's integral) is kept without Sun and Moon.
+    /// Energy in the rotating frame (Jacobi's integral) is constant without Sun and Moon.
     #[test]
     fn energy_is_kept() {
         let start = GlonassEphemeris { acceleration: EcefVector(Vector3::zeros()), ..message() };

@@ -1,4 +1,4 @@
-//! From the clock of a product to that of one signal.
+//! Group delay corrections between the reference of a product's clock and a single signal.
 //!
 //! A satellite clock refers to one signal or combination; another signal leaves the satellite earlier or later.
 //! All terms are metres to be *added* to a pseudorange, along with c·dT_s. IS-GPS-200, 20.3.3.3.3.2; Galileo OS
@@ -8,7 +8,7 @@ use super::{ClockReference, NavigationMessage};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 
-/// Group delays that are known of a satellite, s; NaN where unknown.
+/// Group delays of a satellite, s; NaN if unknown.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GroupDelays {
     /// GPS, QZSS: TGD. Galileo: BGD E1-E5a. BeiDou: TGD1.
@@ -18,8 +18,7 @@ pub(super) struct GroupDelays {
 }
 
 impl GroupDelays {
-    /// The correction of a pseudorange on a signal, m; `None` when it is not known. `message` is the one that a
-    /// broadcast clock came from.
+    /// Correction of a pseudorange on a signal, m; `None` if unknown. `message` is the source of a broadcast clock.
     pub(super) fn correction_m(
         self,
         satellite: SatelliteId,
@@ -36,8 +35,8 @@ impl GroupDelays {
         delay_s.is_finite().then_some(SPEED_OF_LIGHT_MPS * delay_s)
     }
 
-    /// L1 −TGD, L2 −γ·TGD, for the broadcast clock and for that of the L1/L2 pair alike. L5 needs ISC_L5, which
-    /// LNAV does not carry.
+    /// L1 −TGD, L2 −γ·TGD, both for the broadcast clock and for that of the L1/L2 pair. L5 needs ISC_L5, which
+    /// LNAV does not contain.
     fn gps(self, signal: SignalCode) -> Option<f64> {
         match signal.band {
             b'1' => Some(-self.first_s),
@@ -46,7 +45,7 @@ impl GroupDelays {
         }
     }
 
-    /// E1 by the BGD of the clock's own pair; E5a and E5b from E1 by theirs.
+    /// E1 by the BGD of the clock's own pair; E5a and E5b relative to E1 by their BGD.
     fn galileo(
         self,
         signal: SignalCode,
@@ -62,15 +61,15 @@ impl GroupDelays {
             _ => return None,
         };
         let gamma = ratio_squared(Constellation::Galileo, b'1', signal.band)?;
-        // With the clock of the signal's own pair the two terms join to −γ·BGD, and only that BGD need be known.
+        // With the clock of the signal's own pair the sum of both terms is −γ·BGD, so only that BGD is needed.
         let own_pair = inav == (signal.band == b'7');
         Some(if own_pair { -gamma * own } else { e1 - (gamma - 1.0) * own })
     }
 
-    /// B1I −TGD1, B2I −TGD2, B3I none, for the broadcast clock, which is B3I's; that of the B1I/B3I pair is
-    /// f₁²/(f₁² − f₃²)·TGD1 behind it.
+    /// B1I −TGD1, B2I −TGD2, B3I none, for the broadcast clock, which refers to B3I; the clock of the B1I/B3I pair is behind it by
+    /// f₁²/(f₁² − f₃²)·TGD1.
     ///
-    /// BeiDou-3 has no B2I. A code without an attribute is that of the band's open signal.
+    /// BeiDou-3 has no B2I. A code without an attribute is treated as the open signal of the band.
     fn beidou(self, satellite: SatelliteId, signal: SignalCode, reference: ClockReference) -> Option<f64> {
         let from_b3 = match (signal.band, signal.attribute) {
             (b'2', _) => -self.first_s,
@@ -88,8 +87,8 @@ impl GroupDelays {
     }
 }
 
-/// GLONASS: the broadcast clock τ_n is that of L1, and L2 leaves the satellite Δτ_n later (ICD 4.4). The clock of the
-/// L1/L2 pair is Δτ_n/(γ − 1) ahead of L1, with γ = (9/7)². Nothing is known of L3.
+/// GLONASS: the broadcast clock τ_n refers to L1, and L2 leaves the satellite Δτ_n later (ICD 4.4). The clock of the
+/// L1/L2 pair is Δτ_n/(γ − 1) ahead of L1, with γ = (9/7)². The delay of L3 is unknown.
 pub(super) fn glonass_correction_m(
     signal: SignalCode,
     reference: ClockReference,
@@ -134,8 +133,8 @@ mod tests {
         Some(metres / SPEED_OF_LIGHT_MPS * 1e9)
     }
 
-    /// The clock of a combination of two signals, from the corrections of both, must be the combination's own:
-    /// weighting with f² makes the terms cancel.
+    /// The clock of a combination of two signals from the corrections of both; it must be that of the combination, because
+    /// the weights f² make the terms cancel.
     fn combined(
         constellation: Constellation,
         (a, b): (u8, u8),
@@ -194,7 +193,7 @@ mod tests {
         assert_eq!(correct(b'2', Broadcast, None), None);
         assert_eq!(correct(b'3', Broadcast, Some(5e-9)), None);
         assert!((correct(b'2', Broadcast, Some(5e-9)).unwrap() + 5.0).abs() < 1e-12);
-        // The pair needs no correction against its own clock.
+        // The pair needs no correction relative to its own clock.
         let gamma = 81.0 / 49.0;
         let of = |band| correct(band, IonosphereFree, Some(5e-9)).unwrap();
         assert!((gamma * of(b'1') - of(b'2')).abs() < 1e-12);

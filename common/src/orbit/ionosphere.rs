@@ -1,4 +1,4 @@
-//! The ionospheric delay by the best product that there is.
+//! Ionospheric delay by the best available product.
 
 use std::sync::Arc;
 
@@ -10,21 +10,21 @@ use crate::frames::{Direction, Geodetic};
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
-/// A user's view of a satellite on one frequency.
+/// Line of sight from a user to a satellite, with time and frequency.
 #[derive(Clone, Copy, Debug)]
 pub struct LineOfSight {
-    /// Where the user is.
+    /// Position of the user.
     pub receiver: Geodetic,
-    /// Where the satellite is.
+    /// Direction of the satellite.
     pub direction: Direction,
-    /// When.
+    /// Time of reception.
     pub time: GpsTime,
     /// Carrier frequency, Hz.
     pub frequency_hz: f64,
 }
 
 impl Products {
-    /// Adds ionosphere maps. Of several at one instant the one added first holds.
+    /// Adds ionosphere maps. Of several maps at one instant the first added is used.
     pub fn add_ionosphere_maps(&mut self, file: Ionex) {
         Arc::make_mut(&mut self.maps).add(file.maps);
     }
@@ -35,7 +35,7 @@ impl Products {
     }
 
     /// Ionospheric delay of a code, m: by maps where they cover it, else by the Klobuchar coefficients of GPS, else by those of
-    /// BeiDou, else 0. Where maps are there and do not cover it, that is counted, and so is a delay that nothing tells.
+    /// BeiDou, else 0. Gaps in existing maps are counted, and delays without any model.
     pub fn ionosphere_delay_m(&self, sight: &LineOfSight, skips: &mut Skips) -> f64 {
         let LineOfSight { receiver, direction, time, frequency_hz } = *sight;
         let place = || {
@@ -58,7 +58,7 @@ impl Products {
         modelled_m.unwrap_or(0.0)
     }
 
-    /// By broadcast coefficients, if there are any.
+    /// Delay by broadcast coefficients, if there are any.
     fn modelled_delay_m(&self, sight: &LineOfSight) -> Option<f64> {
         let LineOfSight { receiver, direction, time, frequency_hz } = *sight;
         let by_gps = || {
@@ -74,7 +74,7 @@ impl Products {
     }
 }
 
-/// What is to be counted where maps, if there are any, give nothing.
+/// Reason to count if the maps give no delay.
 const fn fallback_reason(maps: Option<NoTec>, has_model: bool) -> Option<Reason> {
     Some(match (maps, has_model) {
         (None, true) => return None,
@@ -94,7 +94,7 @@ mod tests {
 
     const L1_HZ: f64 = 1_575.42e6;
 
-    /// A file of two maps with ten TEC units everywhere between 60° south and north.
+    /// A file of two maps with ten TEC units everywhere from 60° south to 60° north.
     fn ionex() -> Ionex {
         let line = |content: &str, label: &str| format!("{content:<60}{label}\n");
         let mut text = line("     1.0            IONOSPHERE MAPS     GPS", "IONEX VERSION / TYPE")

@@ -3,7 +3,7 @@
 use crate::gnss::SatelliteId;
 use crate::time::GpsTime;
 
-/// Which message an ephemeris came from; decides what its clock and group delays refer to.
+/// Type of the message of an ephemeris; decides the reference of its clock and group delays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NavigationMessage {
     /// GPS or QZSS LNAV: clock for L1/L2 P(Y), TGD.
@@ -39,7 +39,7 @@ pub struct KeplerEphemeris {
     pub i_dot_radps: f64,
     /// Longitude of the ascending node at the week's start, rad.
     pub omega0_rad: f64,
-    /// Its rate, rad/s.
+    /// Rate of the ascending node, rad/s.
     pub omega_dot_radps: f64,
     /// Argument of perigee, rad.
     pub omega_rad: f64,
@@ -63,13 +63,12 @@ pub struct KeplerEphemeris {
     pub health: f64,
     /// Issue of data (IODE, IODnav, AODE).
     pub issue_of_data: u32,
-    /// Issue of the clock's data (IODC, AODC); of Galileo IODnav, which is of both.
+    /// Issue of the clock's data (IODC, AODC); for Galileo IODnav, which covers both.
     pub issue_of_clock: u32,
 }
 
 impl KeplerEphemeris {
-    /// Whether two messages say the same. The group delay that F/NAV lacks is not a number, which never equals itself; here it
-    /// does.
+    /// Whether two messages have the same content. The missing group delay of F/NAV is NaN, which counts as equal here.
     pub(crate) fn is_same_as(&self, other: &Self) -> bool {
         let known = |e: &Self| {
             let (first_s, second_s) = e.group_delays_s;

@@ -51,36 +51,36 @@ pub struct SatelliteState {
     pub position: Ecef,
     /// Velocity in the rotating Earth-fixed frame, m/s.
     pub velocity: EcefVector,
-    /// Clock offset dT_s, relativity included, group delay not, s.
+    /// Clock offset dT_s with relativity and without group delay, s.
     pub clock_s: f64,
     /// Clock drift, s/s.
     pub clock_drift_sps: f64,
     /// Standard deviation of orbit and clock together along the line of sight, m.
     pub sigma_m: f64,
-    /// What the clock refers to; decides the group delay that a single-frequency user adds.
+    /// Reference of the clock; decides the group delay correction of a single signal.
     pub clock_reference: ClockReference,
 }
 
-/// The signal (combination) that a satellite clock refers to.
+/// The signal or combination to which a satellite clock refers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClockReference {
-    /// The broadcast message: L1/L2 P(Y) (GPS, QZSS), E1/E5b (Galileo I/NAV), E1/E5a (F/NAV), B3I (BeiDou),
+    /// Reference of the broadcast message: L1/L2 P(Y) (GPS, QZSS), E1/E5b (Galileo I/NAV), E1/E5a (F/NAV), B3I (BeiDou),
     /// L1 (GLONASS).
     Broadcast,
-    /// The ionosphere-free pair of an SP3 or clock file: C1W/C2W (GPS), C1X/C5X (Galileo), C2I/C6I (BeiDou).
+    /// Ionosphere-free pair of an SP3 or clock file: C1W/C2W (GPS), C1X/C5X (Galileo), C2I/C6I (BeiDou).
     IonosphereFree,
 }
 
-/// Why there is no satellite state.
+/// Reason for a missing satellite state.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OrbitError {
-    /// No product knows the satellite.
+    /// No product contains the satellite.
     #[error("{satellite}: no orbit in any product")]
     Unknown {
         /// The satellite.
         satellite: SatelliteId,
     },
-    /// The products know the satellite, but not at this time.
+    /// The products contain the satellite, but not at this time.
     #[error(
         "{satellite} at {time}: {}the orbits reach from {first} to {last}; name a product that covers it{}",
         between(*time, *first, *last),
@@ -89,7 +89,7 @@ pub enum OrbitError {
     NotCovered {
         /// The satellite.
         satellite: SatelliteId,
-        /// The instant asked for; between `first` and `last` it lies in a gap.
+        /// Requested instant; between `first` and `last` it lies in a gap.
         time: GpsTime,
         /// First usable instant.
         first: GpsTime,
@@ -104,32 +104,32 @@ pub enum OrbitError {
     TooFewNodes {
         /// The satellite.
         satellite: SatelliteId,
-        /// The instant asked for.
+        /// Requested instant.
         time: GpsTime,
-        /// Positions at equal distances around it.
+        /// Number of positions at equal intervals around it.
         nodes: usize,
     },
-    /// The precise orbits have the position, but no clock.
+    /// The precise orbits have a position, but no clock.
     #[error("{satellite} at {time}: the SP3 orbits have no clock there; name a RINEX clock file too")]
     NoClock {
         /// The satellite.
         satellite: SatelliteId,
-        /// The instant asked for.
+        /// Requested instant.
         time: GpsTime,
     },
-    /// The message in force says that the satellite must not be used.
+    /// The message in force declares the satellite unusable.
     #[error("{satellite} at {time}: its navigation message says unhealthy ({health})")]
     Unhealthy {
         /// The satellite.
         satellite: SatelliteId,
-        /// The instant asked for.
+        /// Requested instant.
         time: GpsTime,
         /// The health word.
         health: f64,
     },
 }
 
-/// What an instant that is not covered has to do with the orbits' span.
+/// Text on the relation of an uncovered instant to the orbits' span.
 fn between(time: GpsTime, first: GpsTime, last: GpsTime) -> &'static str {
     if first <= time && time <= last { "it lies in a gap, though " } else { "" }
 }

@@ -1,22 +1,22 @@
-//! What no satellite broadcasts: one table of limits for the messages of every format, files and bits alike.
+//! Limits on broadcast values: one table for the messages of all formats, files and bits.
 
 use std::ops::RangeInclusive;
 
 use super::{GlonassEphemeris, KeplerEphemeris};
 use crate::time::SECONDS_PER_WEEK;
 
-/// Reference times of orbit and clock are never farther apart than this, s.
+/// Maximum difference between the reference times of orbit and clock, s.
 const MAX_TOE_TOC_S: f64 = 86_400.0;
-/// Seconds of the own week that a reference time may have; files write the end of a week for the beginning of the next one.
+/// Valid seconds of the week of a reference time; files write the end of a week for the beginning of the next one.
 const REFERENCE_BOUNDS_S: RangeInclusive<f64> = 0.0..=SECONDS_PER_WEEK;
-/// Distance of a GLONASS satellite from the Earth's centre, m: all of them are near 25,510 km.
+/// Distance of a GLONASS satellite from the Earth's centre, m; all are near 25,510 km.
 const GLONASS_RADIUS_BOUNDS_M: RangeInclusive<f64> = 2.4e7..=2.7e7;
 /// Speed of a GLONASS satellite in the rotating frame, m/s.
 const GLONASS_SPEED_BOUNDS_MPS: RangeInclusive<f64> = 1e3..=6e3;
-/// Acceleration of a GLONASS satellite by Sun and Moon, m/s²; they cause some 10⁻⁶.
+/// Acceleration of a GLONASS satellite by Sun and Moon, m/s²; the true order of magnitude is 10⁻⁶.
 const GLONASS_ACCELERATION_BOUNDS_MPS2: RangeInclusive<f64> = 0.0..=1e-4;
 
-/// A value that no satellite broadcasts.
+/// A value outside the broadcast limits.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{name} = {value:e}, limits {low:e} to {high:e}")]
 pub(crate) struct Implausible {
@@ -26,7 +26,7 @@ pub(crate) struct Implausible {
     high: f64,
 }
 
-/// Refuses a value outside its limits, and what is no number.
+/// Refuses a value outside its limits, or NaN.
 pub(crate) fn within(name: &'static str, value: f64, bounds: RangeInclusive<f64>) -> Result<(), Implausible> {
     if bounds.contains(&value) {
         return Ok(());
@@ -34,7 +34,7 @@ pub(crate) fn within(name: &'static str, value: f64, bounds: RangeInclusive<f64>
     Err(Implausible { name, value, low: *bounds.start(), high: *bounds.end() })
 }
 
-/// Refuses a reference time of orbit or clock that is in no week, before it is made an instant.
+/// Refuses a reference time of orbit or clock outside the week, before its conversion to an instant.
 pub(crate) fn check_reference_s(name: &'static str, own_tow_s: f64) -> Result<(), Implausible> {
     within(name, own_tow_s, REFERENCE_BOUNDS_S)
 }
@@ -46,14 +46,14 @@ fn within_all<const N: usize>(
 }
 
 impl KeplerEphemeris {
-    /// Refuses an ephemeris that cannot be one: a wrong bit that no check bits found, a damaged number of a file, or a test
-    /// transmission. The limits of the rates are several times what the satellites of all systems broadcast; BeiDou's
-    /// geostationary ones have the largest.
+    /// Refuses an implausible ephemeris: an undetected bit error, a damaged number of a file, or a test
+    /// transmission. The limits of the rates are several times the values of all systems' satellites; BeiDou's
+    /// geostationary satellites have the largest.
     pub(crate) fn check(&self) -> Result<(), Implausible> {
         check_reference_s("toe", self.toe_own_tow_s)?;
         within_all([
             ("sqrt(A)", self.sqrt_a, 4e3..=8e3),
-            // All bits set say 0.49999.
+            // With all bits set the value is 0.49999.
             ("eccentricity", self.eccentricity, 0.0..=0.499),
             ("i0", self.i0_rad, -7.0..=7.0),
             ("IDOT", self.i_dot_radps, -1e-8..=1e-8),

@@ -1,8 +1,8 @@
 //! Interpolation of precise orbits and clocks.
 //!
-//! Positions are turned into an inertial frame, in which an orbit is smooth, and interpolated there by a
+//! Positions are rotated into an inertial frame, in which an orbit is smooth, and interpolated there by a
 //! polynomial through 8 to 11 equidistant nodes (Horemuž and Andersson 2006: ten and more at 15 min give
-//! millimetres). Turning back to the Earth-fixed frame of the instant takes one rotation.
+//! millimetres). One rotation leads back to the Earth-fixed frame of the instant.
 
 use nalgebra::Vector3;
 
@@ -14,9 +14,9 @@ use crate::frames::{Ecef, EcefVector};
 use crate::gnss::SatelliteId;
 use crate::time::GpsTime;
 
-/// Fewest nodes that an interpolation may use.
+/// Minimum number of nodes of an interpolation.
 pub const MIN_NODES: usize = 8;
-/// Most nodes that an interpolation uses.
+/// Maximum number of nodes of an interpolation.
 pub const MAX_NODES: usize = 11;
 /// Standard deviation of precise orbit and 15-minute clock together, m.
 const SIGMA_M: f64 = 0.1;
@@ -47,14 +47,14 @@ const fn node_factors() -> [[f64; MAX_NODES]; MAX_NODES + 1] {
     factors
 }
 
-/// One node, in the inertial frame that is the Earth-fixed frame at the run's first node.
+/// One node, in the inertial frame that coincides with the Earth-fixed frame at the first node of the run.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     position: Vector3<f64>,
     clock_s: Option<f64>,
 }
 
-/// Nodes at equal distances without a gap.
+/// Equidistant nodes without a gap.
 #[derive(Clone, Debug)]
 struct Run {
     first: GpsTime,
@@ -70,7 +70,7 @@ pub(super) struct PreciseOrbit {
 }
 
 impl PreciseOrbit {
-    /// Adds positions of one file, in time order. Those that a run of the same interval covers already are dropped.
+    /// Adds positions of one file, in order of time. Positions covered by a run of the same interval are dropped.
     pub(super) fn add(&mut self, interval_s: f64, positions: &[Sp3Position]) {
         for node in positions {
             self.push(interval_s, node);
@@ -89,7 +89,7 @@ impl PreciseOrbit {
         }
     }
 
-    /// The state at an instant, with a clock from elsewhere or, without one, its own.
+    /// State at an instant, with the given clock or else the orbit's own.
     pub(super) fn state(
         &self,
         satellite: SatelliteId,
@@ -112,12 +112,12 @@ impl PreciseOrbit {
     }
 }
 
-/// What a run lacks at an instant.
+/// Reason for a missing state in a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Lack {
-    /// It is elsewhere.
+    /// The instant is outside the run.
     Position,
-    /// It is there, but too short.
+    /// The run is too short.
     Nodes,
     Clock,
 }
@@ -192,7 +192,7 @@ impl Run {
     /// Polynomial through the nodes around `steps` (in node distances from the first), with its derivative.
     fn interpolate(&self, steps: f64) -> Option<Inertial> {
         let count = self.nodes.len().min(MAX_NODES);
-        // An odd number is centred on the nearest node, an even one on the gap.
+        // An odd number of nodes is centred on the nearest node, an even number on the interval.
         let centre = if count % 2 == 1 { steps.round() } else { steps.floor() };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within the nodes
         let start = (centre as usize).saturating_sub((count - 1) / 2).min(self.nodes.len() - count);
@@ -209,7 +209,7 @@ impl Run {
 }
 
 /// Lagrange weights at `x` for nodes 0, 1, … `count` − 1, and their derivatives, from products of the
-/// differences left and right of each node: no division, so nothing special happens at a node.
+/// differences left and right of each node. Without a division the nodes are no special case.
 fn lagrange(x: f64, count: usize) -> [(f64, f64); MAX_NODES] {
     let mut weights = [(0.0, 0.0); MAX_NODES];
     let mut left = (1.0, 0.0);

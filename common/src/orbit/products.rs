@@ -1,4 +1,4 @@
-//! Orbits, clocks, group delays and ionosphere terms from whatever files there are.
+//! Orbits, clocks, group delays and ionosphere terms from all available files.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,16 +17,16 @@ use crate::atmosphere::{IonosphereMaps, KlobucharCoefficients};
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::time::GpsTime;
 
-/// Places for satellites: a hundred numbers in each of seven systems.
+/// Number of satellite slots: a hundred numbers in each of seven systems.
 const PLACES: usize = 700;
 const NUMBERS: usize = 100;
 
 /// All products of a session.
 #[derive(Clone, Debug, Default)]
 pub struct Products {
-    /// By system and number; empty when there are no products at all.
+    /// By system and number; empty without any products.
     satellites: Vec<Satellite>,
-    /// Shared, like biases and maps: they are large, and products are copied when messages come.
+    /// Shared, like biases and maps, because they are large and products are copied for new messages.
     clocks: Arc<Clocks>,
     biases: Arc<Biases>,
     pub(super) maps: Arc<IonosphereMaps>,
@@ -37,7 +37,7 @@ pub struct Products {
     glonass_channels: BTreeMap<u8, i8>,
 }
 
-/// What is known of one satellite.
+/// Products of one satellite.
 #[derive(Clone, Debug, Default)]
 struct Satellite {
     precise: PreciseOrbit,
@@ -59,11 +59,11 @@ impl Satellite {
 }
 
 impl Products {
-    /// From precise and broadcast files, any number of each. Where SP3 files overlap, the one that begins first
-    /// holds, and of those the one named first.
+    /// Products from any number of precise and broadcast files. Where SP3 files overlap, the one with the earliest start is
+    /// used, and of those the first.
     pub fn new(mut sp3: Vec<Sp3>, navigation: Vec<NavigationFile>) -> Self {
         let mut products = Self { satellites: vec![Satellite::default(); PLACES], ..Self::default() };
-        // In time order, so that the nodes of one day continue those of the day before.
+        // In order of time, so that the nodes of one day continue those of the day before.
         sp3.sort_by_key(|file| file.positions.first().map(|position| position.time));
         for file in sp3 {
             products.add_sp3(file);
@@ -76,7 +76,7 @@ impl Products {
 
     /// Adds a precise file.
     fn add_sp3(&mut self, mut file: Sp3) {
-        // A stable sort: each satellite's positions stay in time order.
+        // The sort is stable, so the positions of each satellite stay in order of time.
         file.positions.sort_by_key(|position| position.satellite);
         for positions in file.positions.chunk_by(|a, b| a.satellite == b.satellite) {
             self.add_positions(file.interval_s, positions);
@@ -95,20 +95,20 @@ impl Products {
         }
     }
 
-    /// Adds satellite clocks. They go with the positions of SP3 files: where there is no position, they are of no use. Where
-    /// files overlap, the one that begins first holds, and of those the one named first. All files go in one call: records
-    /// earlier than those of a former call are left out.
+    /// Adds satellite clocks, which complete the positions of SP3 files and are of no use without them. Where files overlap, the one with
+    /// the earliest start is used, and of those the first. All files must be given in one call: records earlier than those of a former call
+    /// are left out.
     pub fn add_clocks(&mut self, files: Vec<ClockFile>) {
         Arc::make_mut(&mut self.clocks).add(files);
     }
 
-    /// Adds code biases, which go with the clocks of SP3 and clock files. Of biases in force at once the one that began last
-    /// holds, and of those the one added first.
+    /// Adds code biases, which belong to the clocks of SP3 and clock files. Of several valid biases the one with the latest start
+    /// is used, and of those the first added.
     pub fn add_biases(&mut self, file: BiasFile) {
         Arc::make_mut(&mut self.biases).add(file);
     }
 
-    /// Adds a broadcast file, or messages that came otherwise. The terms of the first one that has them stay.
+    /// Adds a broadcast file or messages from another source. Ionosphere terms and leap seconds of the first file that has them are kept.
     pub fn add_navigation(&mut self, file: NavigationFile) {
         self.satellites.resize(PLACES, Satellite::default());
         self.ionosphere = self.ionosphere.or(file.ionosphere.gps);
@@ -132,11 +132,11 @@ impl Products {
     }
 
     /// Satellite position, velocity and clock at an instant (of transmission, for a user), in the Earth-fixed
-    /// frame of that instant: from SP3 where it covers, with the clock of a clock file where one covers, else the SP3's own;
+    /// frame of that instant: from SP3 where it covers the instant, with the clock of a clock file or else of the SP3 file;
     /// else by the broadcast ephemeris in force.
     ///
     /// # Errors
-    /// When no product knows the satellite at that time, or the broadcast message says that it is unhealthy.
+    /// If no product covers the satellite at that time, or the broadcast message declares it unhealthy.
     pub fn satellite_state(
         &self,
         satellite: SatelliteId,
@@ -147,7 +147,7 @@ impl Products {
             Ok(state) => Ok(state),
             Err(no_precise) if !known.has_broadcast() => Err(no_precise),
             Err(OrbitError::Unknown { .. }) => known.broadcast_state(satellite, time),
-            // Neither serves: what the precise orbits lack tells more than what the messages do.
+            // If neither serves, the error of the precise orbits is more informative than that of the messages.
             Err(no_precise) => known.broadcast_state(satellite, time).map_err(|error| match error {
                 OrbitError::Unhealthy { .. } => error,
                 _ => no_precise,
@@ -155,13 +155,13 @@ impl Products {
         }
     }
 
-    /// Metres to add to a pseudorange on `signal` so that it fits a satellite clock of the given reference. `None` when nothing
-    /// is known (GPS L5 without biases, for one): let a bias or a larger standard deviation carry it.
+    /// Metres to add to a pseudorange on `signal` for a satellite clock of the given reference. `None` if unknown (for example GPS L5
+    /// without biases): a bias or a larger standard deviation must cover it.
     ///
-    /// By the biases of a Bias-SINEX file, −c·OSB, where the clock is a network's and the signal has one. Else by the navigation
-    /// message nearest in time, at any age, for group delays drift slowly; see [`Products::group_delay_age_s`]. Where the
+    /// The source is a Bias-SINEX file, −c·OSB, for a network's clock and a signal with a bias. Otherwise it is the navigation
+    /// message nearest in time, at any age, because group delays change slowly; see [`Products::group_delay_age_s`]. If the
     /// biases cover the signal for other satellites of the system, a correction by message is shifted by the constant between both
-    /// (the median over satellites that have both), so that all satellites of the system agree.
+    /// (the median over satellites with both), so that all satellites of the system agree.
     pub fn group_delay_correction_m(
         &self,
         satellite: SatelliteId,
@@ -185,7 +185,7 @@ impl Products {
         Some(by_message_m + datum_m)
     }
 
-    /// The correction by the group delays of navigation messages.
+    /// Correction by the group delays of navigation messages.
     fn message_correction_m(
         &self,
         satellite: SatelliteId,
@@ -219,17 +219,17 @@ impl Products {
             .min_by(f64::total_cmp)
     }
 
-    /// GPS' Klobuchar coefficients of the first navigation file that has them; see also [`Products::ionosphere_delay_m`].
+    /// GPS Klobuchar coefficients of the first navigation file that has them; see also [`Products::ionosphere_delay_m`].
     pub const fn ionosphere(&self) -> Option<KlobucharCoefficients> {
         self.ionosphere
     }
 
-    /// Coefficients of BeiDou's own model, of the first navigation file that has them; see [`Products::ionosphere_delay_m`].
+    /// Coefficients of BeiDou's own model from the first navigation file that has them; see [`Products::ionosphere_delay_m`].
     pub const fn beidou_ionosphere(&self) -> Option<KlobucharCoefficients> {
         self.beidou_ionosphere
     }
 
-    /// Seconds that GPS time is ahead of UTC, by the first navigation file that says so.
+    /// Seconds by which GPS time is ahead of UTC, from the first navigation file that states them.
     pub const fn leap_seconds(&self) -> Option<i64> {
         self.leap_seconds
     }
@@ -244,24 +244,24 @@ impl Products {
         self.clocks.span()
     }
 
-    /// From the earliest beginning to the latest end of the biases, `None` without any.
+    /// From the earliest start to the latest end of the biases, `None` without any.
     pub fn bias_coverage(&self) -> Option<(GpsTime, GpsTime)> {
         self.biases.span()
     }
 
-    /// The broadcast ephemeris in force for a satellite, whatever its health.
+    /// The broadcast ephemeris in force for a satellite, regardless of its health.
     pub fn ephemeris(&self, satellite: SatelliteId, time: GpsTime) -> Option<&KeplerEphemeris> {
         self.known(satellite)?.broadcast.in_force(satellite, time)
     }
 
-    /// The GLONASS message in force for a satellite, whatever its health.
+    /// The GLONASS message in force for a satellite, regardless of its health.
     pub fn glonass_ephemeris(&self, satellite: SatelliteId, time: GpsTime) -> Option<&GlonassEphemeris> {
         self.known(satellite)?.glonass.in_force(time)
     }
 
-    /// The frequency channel of a GLONASS satellite by the message nearest to `time`, at any age: satellites keep
-    /// their channel for months. Without a message the one of [`Products::set_glonass_channels`]; `None` for other
-    /// systems and where nothing is known.
+    /// Frequency channel of a GLONASS satellite by the message nearest to `time`, at any age, because satellites keep
+    /// their channel for months. Without a message that of [`Products::set_glonass_channels`]; `None` for other
+    /// systems and unknown channels.
     pub fn glonass_channel(&self, satellite: SatelliteId, time: GpsTime) -> Option<i8> {
         if satellite.constellation != Constellation::Glonass {
             return None;
@@ -271,8 +271,8 @@ impl Products {
         nearest.map(|ephemeris| ephemeris.frequency_channel).or_else(stated)
     }
 
-    /// Takes GLONASS frequency channels by slot, as observation headers give them, for satellites without a navigation
-    /// message (precise orbits do not tell the channel). Those set before stay.
+    /// Takes GLONASS frequency channels by slot, from observation headers, for satellites without a navigation
+    /// message (precise orbits do not contain the channel). Channels set before are kept.
     pub fn set_glonass_channels(&mut self, channels: &BTreeMap<u8, i8>) {
         for (slot, channel) in channels {
             self.glonass_channels.entry(*slot).or_insert(*channel);
@@ -284,7 +284,7 @@ impl Products {
     }
 }
 
-/// Place of a satellite in the table.
+/// Slot of a satellite in the table.
 fn place(satellite: SatelliteId) -> Option<usize> {
     let number = usize::from(satellite.number);
     (number < NUMBERS).then_some(satellite.constellation as usize * NUMBERS + number)

@@ -1,4 +1,4 @@
-//! What files of precise products and navigation messages hold, as the orbits take it.
+//! Records of precise products and navigation messages, as input of the orbits.
 
 use super::{GlonassEphemeris, KeplerEphemeris};
 use crate::atmosphere::KlobucharCoefficients;
@@ -29,7 +29,7 @@ pub struct Sp3 {
     pub epochs: usize,
     /// Positions in file order; positions that the file marks as missing are left out.
     pub positions: Vec<Sp3Position>,
-    /// What was skipped.
+    /// Counts of skipped lines by reason.
     pub skips: Skips,
 }
 
@@ -51,20 +51,20 @@ pub struct ClockFile {
     pub interval_s: f64,
     /// Satellite clocks in order of time.
     pub records: Vec<ClockRecord>,
-    /// What was skipped.
+    /// Counts of skipped lines by reason.
     pub skips: Skips,
 }
 
-/// The bias of one signal of a satellite. The file's convention is P − c·bias: what is left fits the clocks that the file belongs to.
+/// Bias of one signal of a satellite. The convention is P − c·bias, which agrees with the clocks of the same product.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CodeBias {
     /// The satellite.
     pub satellite: SatelliteId,
     /// The signal.
     pub signal: SignalCode,
-    /// First instant at which it holds.
+    /// Start of validity, inclusive.
     pub start: GpsTime,
-    /// Last instant; `None` when the file leaves it open.
+    /// End of validity, inclusive; `None` if the file leaves it open.
     pub end: Option<GpsTime>,
     /// The bias, s.
     pub bias_s: f64,
@@ -75,7 +75,7 @@ pub struct CodeBias {
 pub struct BiasFile {
     /// Code biases of satellites in file order.
     pub biases: Vec<CodeBias>,
-    /// What was skipped.
+    /// Counts of skipped lines by reason.
     pub skips: Skips,
 }
 
@@ -93,15 +93,14 @@ pub struct IonosphereTerms {
 /// A whole navigation file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NavigationFile {
-    /// GPS, QZSS, Galileo and BeiDou ephemerides in order of transmission. A group delay that the file does
-    /// not give is NaN.
+    /// GPS, QZSS, Galileo and BeiDou ephemerides in order of transmission. A missing group delay is NaN.
     pub ephemerides: Vec<KeplerEphemeris>,
     /// GLONASS ephemerides in order of reference time.
     pub glonass: Vec<GlonassEphemeris>,
     /// Ionosphere terms.
     pub ionosphere: IonosphereTerms,
-    /// Seconds that GPS time is ahead of UTC.
+    /// Seconds by which GPS time is ahead of UTC.
     pub leap_seconds: Option<i64>,
-    /// What was skipped.
+    /// Counts of skipped records by reason.
     pub skips: Skips,
 }

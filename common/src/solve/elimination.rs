@@ -1,18 +1,17 @@
-//! Linear models y = hᵀx + c_g + ε with a white clock c_g per group, the clocks eliminated exactly.
+//! Linear models y = hᵀx + c_g + ε with one white clock c_g per group and exact elimination of the clocks.
 //!
 //! For weights w and group means h̄_g = Σwh/Σw, ȳ_g = Σwy/Σw, the Schur complement of the clocks in the normal matrix
-//! is Σ_g Σ_i w (h − h̄_g)(h − h̄_g)ᵀ: differencing against the weighted mean, with the right covariance
-//! (algorithms: "estimating one white-noise clock per constellation and epoch and eliminating it").
+//! is Σ_g Σ_i w (h − h̄_g)(h − h̄_g)ᵀ: differences against the weighted mean, with the correct covariance.
 
 use nalgebra::{Cholesky, Matrix3, U3, Vector3};
 
-/// Information of this share of the rows' own is rounding.
+/// Information below this fraction of the rows' total is rounding error.
 const NEGLIGIBLE: f64 = 1e-12;
 
 /// One measurement of a three-component unknown and a clock.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
-    /// Partial derivatives to the unknown.
+    /// Partial derivatives with respect to the unknown.
     pub h: Vector3<f64>,
     /// Index of the clock.
     pub group: usize,
@@ -22,14 +21,14 @@ pub(crate) struct Row {
     pub weight: f64,
 }
 
-/// A system of rows with its clocks eliminated.
+/// Normal equations with eliminated clocks.
 #[derive(Clone, Debug)]
 pub(crate) struct Eliminated {
-    /// Normal matrix of the unknown alone.
+    /// Normal matrix of the unknown.
     pub normal: Matrix3<f64>,
-    /// Right-hand side of the unknown alone.
+    /// Right-hand side of the unknown.
     pub rhs: Vector3<f64>,
-    /// Below this, an element of the normal matrix is rounding.
+    /// Elements of the normal matrix below this are rounding errors.
     pub floor: f64,
     groups: Vec<GroupMean>,
 }
@@ -58,19 +57,19 @@ impl Eliminated {
         Self { normal, rhs, floor, groups }
     }
 
-    /// Cholesky factor of the normal matrix; `None` when the geometry is singular.
+    /// Cholesky factor of the normal matrix; `None` for a singular geometry.
     pub fn factor(&self) -> Option<Cholesky<f64, U3>> {
         let factor = Cholesky::new(self.normal)?;
         let smallest = factor.l_dirty().diagonal().min();
         (smallest * smallest > self.floor).then_some(factor)
     }
 
-    /// Clock of a group for a solved unknown.
+    /// Clock of a group for a given solution.
     pub fn clock(&self, group: usize, x: &Vector3<f64>) -> f64 {
         self.groups.get(group).map_or(0.0, |mean| mean.y - mean.h.dot(x))
     }
 
-    /// A row's partial derivatives less its group's mean.
+    /// Partial derivatives of a row less the mean of its group.
     pub fn centred(&self, row: &Row) -> Vector3<f64> {
         row.h - self.groups[row.group].h
     }

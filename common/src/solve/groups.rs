@@ -1,9 +1,9 @@
-//! The receiver clocks in use at one epoch.
+//! Receiver clocks in use at one epoch.
 
 use crate::gnss::ClockGroup;
 use crate::measurement::CorrectedObservation;
 
-/// Clock groups in order of first appearance, with their clocks once solved.
+/// Clock groups in order of first appearance.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ClockGroups {
     groups: Vec<ClockGroup>,
@@ -30,7 +30,7 @@ impl ClockGroups {
         self.groups.len()
     }
 
-    /// Position of a group; every observation that the groups were made of has one.
+    /// Index of a group; every observation from which the groups were made has one.
     pub fn index(&self, group: ClockGroup) -> usize {
         self.groups.iter().position(|g| *g == group).unwrap_or_default()
     }

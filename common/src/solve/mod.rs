@@ -44,11 +44,11 @@ pub struct PointSolution {
     pub position_covariance: Matrix3<f64>,
     /// Receiver clock of each group in use, m.
     pub clocks_m: Vec<(ClockGroup, f64)>,
-    /// Velocity from Doppler, when enough range rates were there.
+    /// Velocity from Doppler, if there were enough range rates.
     pub velocity: Option<VelocitySolution>,
-    /// Dilution of precision of the satellites used.
+    /// Dilution of precision of the used satellites.
     pub dops: Dops,
-    /// Signals used.
+    /// Number of used signals.
     pub used: u16,
 }
 
@@ -57,7 +57,7 @@ pub struct PointSolution {
 pub struct VelocitySolution {
     /// Velocity, m/s.
     pub velocity: EcefVector,
-    /// Its covariance in ECEF by the stochastic model, m²/s².
+    /// Covariance of the velocity in ECEF by the stochastic model, m²/s².
     pub covariance: Matrix3<f64>,
 }
 

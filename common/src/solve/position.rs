@@ -11,24 +11,24 @@ use crate::measurement::{CorrectedObservation, Usage};
 const MAX_ITERATIONS: u32 = 12;
 const CONVERGED_M: f64 = 1e-3;
 
-/// Why there is no epoch-wise solution.
+/// Reason for a missing epoch-wise solution.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// Fewer measurements than unknowns.
     #[error("{have} pseudoranges for {need} unknowns")]
     TooFew {
-        /// Pseudoranges in use.
+        /// Number of pseudoranges in use.
         have: usize,
-        /// 3 + one clock per group.
+        /// Number of unknowns: 3 + one clock per group.
         need: usize,
     },
-    /// The satellites' directions do not span space.
+    /// The geometry of the satellites is singular.
     #[error("the geometry of {have} pseudoranges is singular")]
     Singular {
-        /// Pseudoranges in use.
+        /// Number of pseudoranges in use.
         have: usize,
     },
-    /// No convergence.
+    /// The iteration did not converge.
     #[error("no convergence in {MAX_ITERATIONS} iterations, last step {step_m:.3} m")]
     Diverged {
         /// Length of the last step, m.
@@ -36,12 +36,12 @@ pub enum SolveError {
     },
 }
 
-/// A least-squares fit and what its statistics need.
+/// A least-squares fit with the data for its statistics.
 #[derive(Clone, Debug)]
 pub struct Fit {
     position: Ecef,
     groups: ClockGroups,
-    /// One per observation in use.
+    /// One row per observation in use.
     rows: Vec<FitRow>,
     eliminated: Eliminated,
     factor: Cholesky<f64, U3>,
@@ -54,10 +54,10 @@ struct FitRow {
     residual_m: f64,
 }
 
-/// Solves for the observations marked [`Usage::Used`], starting from `start` (the Earth's centre will do).
+/// Solves for the observations marked [`Usage::Used`], starting from `start`; the Earth's centre is a valid start.
 ///
 /// # Errors
-/// [`SolveError`] when there are too few observations, their geometry is singular, or the iteration does not converge.
+/// [`SolveError`] for too few observations, a singular geometry, or an iteration without convergence.
 pub fn solve_position(observations: &[CorrectedObservation], start: Ecef) -> Result<Fit, SolveError> {
     let used = || observations.iter().enumerate().filter(|(_, o)| o.usage == Usage::Used);
     let groups = ClockGroups::of(used().map(|(_, o)| o));
@@ -93,7 +93,7 @@ pub fn solve_position(observations: &[CorrectedObservation], start: Ecef) -> Res
     Err(SolveError::Diverged { step_m })
 }
 
-/// The linearised pseudorange of one observation about `position`: y = P_c − |r_s − r|, h = −u.
+/// Linearised pseudorange of one observation about `position`: y = P_c − |r_s − r|, h = −u.
 pub(crate) fn code_row(observation: &CorrectedObservation, position: Ecef, groups: &ClockGroups) -> Row {
     let line = observation.satellite_position.0 - position.0;
     let range_m = line.norm();
@@ -106,17 +106,17 @@ pub(crate) fn code_row(observation: &CorrectedObservation, position: Ecef, group
 }
 
 impl Fit {
-    /// The position, m.
+    /// Position, m.
     pub const fn position(&self) -> Ecef {
         self.position
     }
 
-    /// Its covariance in ECEF by the stochastic model, m².
+    /// Covariance of the position in ECEF by the stochastic model, m².
     pub fn position_covariance(&self) -> Matrix3<f64> {
         self.factor.inverse()
     }
 
-    /// Measurements less unknowns, m − n.
+    /// Number of measurements less number of unknowns, m − n.
     pub fn degrees_of_freedom(&self) -> usize {
         self.rows.len() - 3 - self.groups.len()
     }
@@ -131,12 +131,12 @@ impl Fit {
         self.rows.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no measurements.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// Index of the `i`-th measurement in the observations that were solved.
+    /// Index of the `i`-th measurement in the solved observations.
     pub fn observation(&self, i: usize) -> usize {
         self.rows[i].observation
     }
@@ -146,7 +146,7 @@ impl Fit {
         self.rows[i].residual_m
     }
 
-    /// Element (i, j) of the residuals' covariance C_v = W⁻¹ − H(HᵀWH)⁻¹Hᵀ, m², clocks included in H.
+    /// Element (i, j) of the covariance of the residuals, C_v = W⁻¹ − H(HᵀWH)⁻¹Hᵀ, m², clocks included in H.
     pub fn residual_covariance(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (&self.rows[i].row, &self.rows[j].row);
         let solved = self.factor.solve(&self.eliminated.centred(b));
@@ -161,14 +161,14 @@ impl Fit {
         self.rows[i].row.weight
     }
 
-    /// Residual of any observation against this fit, m; `None` when its clock was not solved for.
+    /// Residual of any observation against this fit, m; `None` if its clock was not estimated.
     pub fn residual_of(&self, observation: &CorrectedObservation) -> Option<f64> {
         let clock = self.groups.clock_m(observation.clock_group())?;
         let range_m = observation.satellite_position.distance_m(self.position);
         Some(observation.pseudorange_m - range_m - clock)
     }
 
-    /// Dilution of precision with one clock per group; `None` when the unweighted geometry is singular.
+    /// Dilution of precision with one clock per group; `None` if the unweighted geometry is singular.
     pub fn dops(&self) -> Option<Dops> {
         let unweighted: Vec<Row> = self.rows.iter().map(|r| Row { weight: 1.0, y: 0.0, ..r.row }).collect();
         let eliminated = Eliminated::new(&unweighted, self.groups.len());
@@ -189,7 +189,7 @@ impl Fit {
         })
     }
 
-    /// The solution as it is published; `None` when the dilution of precision cannot be computed.
+    /// The solution for publication; `None` if the dilution of precision cannot be computed.
     pub fn to_solution(&self, velocity: Option<VelocitySolution>) -> Option<PointSolution> {
         Some(PointSolution {
             position: self.position,

@@ -6,12 +6,12 @@ use super::position::line_of_sight;
 use crate::frames::{Ecef, EcefVector};
 use crate::measurement::{CorrectedObservation, Usage};
 
-/// Range rates whose residual exceeds this many of its σ are left out, one at a time.
+/// Outlier limit in σ; range rates with larger residuals are excluded one at a time.
 const OUTLIER_SIGMAS: f64 = 4.0;
 
-/// Velocity by weighted least squares from the range rates of the observations in use, one clock drift for all of them
-/// (all signals share the phone's oscillator). Residuals beyond four σ go, worst first, while redundancy lasts.
-/// `None` when fewer than four range rates or a singular geometry is left.
+/// Velocity by weighted least squares from the range rates of the observations in use, with one common clock drift, because all signals
+/// share the phone's oscillator. Residuals beyond four σ are excluded, the largest first, while redundancy remains.
+/// `None` if fewer than four range rates or a singular geometry remain.
 pub fn solve_velocity(observations: &[CorrectedObservation], position: Ecef) -> Option<VelocitySolution> {
     let mut rows: Vec<Row> = observations
         .iter()
@@ -39,7 +39,7 @@ pub fn solve_velocity(observations: &[CorrectedObservation], position: Ecef) -> 
     }
 }
 
-/// The range rate of one observation at `position`: y = ρ̇_c − u·v_s, h = −u; the unknown is the velocity itself.
+/// Row of the range rate of one observation at `position`: y = ρ̇_c − u·v_s, h = −u; the unknown is the velocity.
 pub(crate) fn rate_row(observation: &CorrectedObservation, position: Ecef) -> Option<Row> {
     let rate = observation.range_rate?;
     let u = line_of_sight(observation, position);
@@ -78,7 +78,7 @@ mod tests {
         let receiver = Receiver::in_wuhan();
         for observation in receiver.observe(&OPEN_SKY_DEG) {
             let row = rate_row(&observation, receiver.position).unwrap();
-            // ρ̇ = d|r_s − r|/dt, both moving.
+            // ρ̇ = d|r_s − r|/dt with motion of both ends.
             let range_m = |t: f64, velocity: nalgebra::Vector3<f64>| {
                 let satellite = observation.satellite_position.0 + observation.satellite_velocity.0 * t;
                 (satellite - receiver.position.0 - velocity * t).norm()

@@ -1,8 +1,8 @@
-//! Seconds that GPS time is ahead of UTC.
+//! Difference between GPS time and UTC.
 
 use super::{GpsTime, NANOS_PER_SECOND, SECONDS_PER_DAY, UNIX_TO_GPS_DAYS, days_from_civil};
 
-/// Year and month on whose first day the difference became that many seconds (IERS Bulletin C, up to 2017).
+/// Year, month and the difference in seconds from its first day on (IERS Bulletin C, up to 2017).
 const STEPS: [(i64, i64, i64); 18] = [
     (1981, 7, 1),
     (1982, 7, 2),
@@ -24,9 +24,9 @@ const STEPS: [(i64, i64, i64); 18] = [
     (2017, 1, 18),
 ];
 
-/// The same by instants of UTC, read as if it were GPS time: nanoseconds, and the difference from then on.
+/// The same table by instants of UTC, read as if it were GPS time: nanoseconds, and the difference from then on.
 const STEPS_BY_NANOS: [(i64, i64); STEPS.len()] = steps_by_nanos();
-/// First instant of UTC for which the table may lack a step: Bulletin C 70 of July 2025 excludes one before July 2026.
+/// First instant of UTC for which the table may lack a step: Bulletin C 70 of July 2025 excludes a step before July 2026.
 const KNOWN_UNTIL_NANOS: i64 = first_of_month(2026, 7);
 
 const fn steps_by_nanos() -> [(i64, i64); STEPS.len()] {
@@ -44,36 +44,36 @@ const fn first_of_month(year: i64, month: i64) -> i64 {
     (days_from_civil(year, month, 1) - UNIX_TO_GPS_DAYS) * SECONDS_PER_DAY * NANOS_PER_SECOND
 }
 
-/// Seconds that GPS time is ahead of UTC on a date in UTC, read as if it were GPS time. After the last step known here
-/// (2017, 18 s) that one holds.
+/// Seconds by which GPS time is ahead of UTC on a date in UTC, read as if it were GPS time. After the last known step
+/// (2017) the difference stays 18 s.
 pub fn leap_seconds_at(utc: GpsTime) -> i64 {
     let passed = STEPS_BY_NANOS.partition_point(|(from, _)| *from <= utc.nanos);
     passed.checked_sub(1).and_then(|last| STEPS_BY_NANOS.get(last)).map_or(0, |(_, seconds)| *seconds)
 }
 
-/// An instant in UTC, read as if it were GPS time. The leap second itself is the second before it once more.
+/// An instant in UTC, read as if it were GPS time. The leap second itself repeats the second before it.
 fn to_utc(time: GpsTime) -> GpsTime {
-    // In the seconds between a step in GPS time and in UTC this is a second too early, but on the right side of the step.
+    // In the seconds between a step in GPS time and in UTC the result is a second early, but on the correct side of the step.
     GpsTime::from_nanos(time.nanos.saturating_sub(leap_seconds_at(time) * NANOS_PER_SECOND))
 }
 
-/// Seconds that GPS time is ahead of UTC at an instant, where a phone states a number; it counts as one that a file states.
+/// Seconds by which GPS time is ahead of UTC at an instant, given a number stated by a phone, which is treated like one of a file.
 pub(crate) fn leap_seconds_of(stated: Option<i64>, time: GpsTime) -> i64 {
     leap_seconds_by(stated, to_utc(time))
 }
 
-/// Around a step both numbers are right, s.
+/// Time around a step within which both numbers are accepted, s.
 const NEAR_A_STEP_S: f64 = 86_400.0;
 
-/// Seconds that GPS time is ahead of UTC on a date in UTC, where a file states a number. The table decides as far as it is known to
-/// be whole; later the file may know of a step more, in either direction.
+/// Seconds by which GPS time is ahead of UTC on a date in UTC, given a number stated by a file. The table decides as far as it is complete;
+/// later the file may contain a further step, in either direction.
 pub(crate) fn leap_seconds_by(stated: Option<i64>, utc: GpsTime) -> i64 {
     let table = leap_seconds_at(utc);
     let can_be = |stated: i64| utc.nanos >= KNOWN_UNTIL_NANOS && (table - 1..=table + 1).contains(&stated);
     stated.filter(|stated| can_be(*stated)).unwrap_or(table)
 }
 
-/// What holds in place of a number that a file states and that cannot be on a date; `None` when it can.
+/// The correct number in place of an impossible one stated by a file; `None` if the stated number is possible.
 pub(crate) fn corrected_leap_seconds(stated: i64, utc: GpsTime) -> Option<i64> {
     let can_be = |at: GpsTime| leap_seconds_by(Some(stated), at) == stated;
     let is_right = can_be(utc) || can_be(utc - NEAR_A_STEP_S) || can_be(utc + NEAR_A_STEP_S);
@@ -126,11 +126,11 @@ mod tests {
             (Some(0), "2020-06-24T00:00:00", 18, Some(18)),
             (Some(19), "2020-06-24T00:00:00", 18, Some(18)),
             (Some(18), "2010-06-24T00:00:00", 15, Some(15)),
-            // On the day of a step both are right.
+            // On the day of a step both are correct.
             (Some(17), "2016-12-31T12:00:00", 17, None),
             (Some(18), "2016-12-31T12:00:00", 17, None),
             (Some(16), "2016-12-31T12:00:00", 17, Some(17)),
-            // A step that the table cannot know.
+            // A step later than the table.
             (Some(19), "2031-01-01T00:00:00", 19, None),
             (Some(17), "2031-01-01T00:00:00", 17, None),
             (Some(20), "2031-01-01T00:00:00", 18, Some(18)),

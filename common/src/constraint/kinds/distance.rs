@@ -1,6 +1,6 @@
 //! minimum ≤ |r_i − r_j| ≤ maximum (Peng Eq. 19).
 //!
-//! What the bounds mean for the vector between the phones is an option: see [`DistanceModel`].
+//! The meaning of the bounds for the vector between the phones is an option: see [`DistanceModel`].
 
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use super::super::SkipReason;
 use super::super::options::DistanceModel;
 use super::super::rows::{BoundedRow, Rows, SparseRow, position};
 use super::super::truncation::Interval;
-use super::{At, Kind, Length, NO_DIRECTION, Unit, not_negative, positive};
+use super::{BoundedLength, ConstrainedState, ConstraintKind, NO_DIRECTION, Unit, not_negative, positive};
 use crate::filter::STATES_PER_PHONE;
 use crate::frames::{Ecef, LocalFrame};
 
@@ -17,7 +17,7 @@ use crate::frames::{Ecef, LocalFrame};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Keys", into = "Keys")]
 pub struct Distance {
-    /// The pair's indices.
+    /// Indices of the two phones.
     pub phones: [usize; 2],
     /// Lower bound, m, ≥ 0.
     pub minimum_m: f64,
@@ -53,7 +53,7 @@ impl From<Distance> for Keys {
     }
 }
 
-impl Kind for Distance {
+impl ConstraintKind for Distance {
     fn phones(&self) -> &[usize] {
         &self.phones
     }
@@ -75,7 +75,7 @@ impl Kind for Distance {
         Some(position(state, first)?.distance_m(position(state, second)?))
     }
 
-    fn rows(&self, at: &At<'_>) -> Result<Rows, SkipReason> {
+    fn rows(&self, at: &ConstrainedState<'_>) -> Result<Rows, SkipReason> {
         let model = at.options.distance_model;
         let difference = self.difference(at.state).ok_or(SkipReason::NotFinite)?;
         let is_upper_only = self.minimum_m <= 0.0 && model == DistanceModel::Radial;
@@ -86,7 +86,7 @@ impl Kind for Distance {
         Ok(self.linearised(&direction, at.covariance, model))
     }
 
-    fn length(&self) -> Option<&dyn Length> {
+    fn length(&self) -> Option<&dyn BoundedLength> {
         Some(self)
     }
 
@@ -99,17 +99,17 @@ impl Kind for Distance {
     }
 }
 
-impl Length for Distance {
-    fn vector(&self, at: &At<'_>) -> Option<Vector3<f64>> {
+impl BoundedLength for Distance {
+    fn vector(&self, at: &ConstrainedState<'_>) -> Option<Vector3<f64>> {
         self.difference(at.state)
     }
 
-    fn change(&self, _at: &At<'_>, change: &DVector<f64>) -> Option<Vector3<f64>> {
+    fn change(&self, _at: &ConstrainedState<'_>, change: &DVector<f64>) -> Option<Vector3<f64>> {
         let [i, j] = self.offsets();
         Some(change.fixed_rows::<3>(i) - change.fixed_rows::<3>(j))
     }
 
-    fn rows_along(&self, at: &At<'_>, direction: &Vector3<f64>) -> Option<Rows> {
+    fn rows_along(&self, at: &ConstrainedState<'_>, direction: &Vector3<f64>) -> Option<Rows> {
         Some(self.linearised(direction, at.covariance, at.options.distance_model))
     }
 }
@@ -149,8 +149,8 @@ impl Distance {
         [bounded(direction, lower_m), bounded(&across, -self.maximum_m), bounded(&other, -self.maximum_m)]
     }
 
-    /// What remains of the lower bound for the component along a direction, given what the uncertain part across
-    /// contributes to the distance: d² = along² + across².
+    /// Lower bound of the component along a direction, reduced by the contribution of the uncertainty across:
+    /// d² = along² + across².
     fn minimum_along_m(&self, direction: &Vector3<f64>, covariance: &DMatrix<f64>) -> f64 {
         if self.minimum_m <= 0.0 {
             return 0.0;
@@ -166,10 +166,9 @@ impl Distance {
         block(i, i) + block(j, j) - block(i, j) - block(j, i)
     }
 
-    /// The direction to linearise in: along the difference, or, when that is none, where the relative position is
-    /// least known.
+    /// Direction of the linearisation: that of the difference, or, for a zero difference, the direction of the largest uncertainty.
     ///
-    /// `None` when the state does not hold the phones.
+    /// `None` if the state does not contain the phones.
     fn direction(&self, state: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Vector3<f64>> {
         let [first, _] = self.phones;
         let place = position(state, first)?;
@@ -189,13 +188,13 @@ impl Distance {
         }
         let eigen = SymmetricEigen::new(relative);
         let axis = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
-        // The sign is free; fix it by the local axes, for the same input must give the same result everywhere.
+        // The sign is arbitrary; the local axes fix it, so that equal input gives equal results everywhere.
         let local = LocalFrame::at(place).rotation_ecef_to_enu() * axis;
         if local[local.iamax()] < 0.0 { -axis } else { axis }
     }
 }
 
-/// Two unit vectors that complete a direction to an orthogonal triad, the first across the Earth's axis.
+/// Two unit vectors that complete a direction to an orthogonal triad, the first perpendicular to the Earth's axis.
 fn axes_across(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let pole = Vector3::z();
     let horizontal = direction.cross(&pole);

@@ -1,4 +1,4 @@
-//! The keys of a written form, as its own derived reading states them.
+//! The keys of a written form, taken from its derived `Deserialize`.
 
 use serde::de::value::Error;
 use serde::de::{Deserialize, Deserializer, Error as _, Visitor};
@@ -6,15 +6,15 @@ use serde::de::{Deserialize, Deserializer, Error as _, Visitor};
 /// The keys that a type reads.
 pub(super) fn of<T: for<'de> Deserialize<'de>>() -> &'static [&'static str] {
     let mut fields: &'static [&'static str] = &[];
-    // Nothing is read: the type only says what it wants.
-    let _ = T::deserialize(Asked(&mut fields));
+    // Nothing is deserialised; the call only returns the field names.
+    let _ = T::deserialize(KeyCollector(&mut fields));
     fields
 }
 
-/// A source that takes down which keys it is asked for, and has none.
-struct Asked<'a>(&'a mut &'static [&'static str]);
+/// A deserializer that stores the requested field names and returns an error.
+struct KeyCollector<'a>(&'a mut &'static [&'static str]);
 
-impl<'de> Deserializer<'de> for Asked<'_> {
+impl<'de> Deserializer<'de> for KeyCollector<'_> {
     type Error = Error;
 
     fn deserialize_struct<V: Visitor<'de>>(

@@ -9,19 +9,19 @@ use super::super::SkipReason;
 use super::super::rows::{BoundedRow, Motion, Rows, SparseRow};
 use super::super::truncation::Interval;
 use super::super::wrap_rad;
-use super::{At, Constraint, Kind, Unit, positive};
+use super::{ConstrainedState, Constraint, ConstraintKind, Unit, positive};
 use crate::frames::Enu;
 
-/// Narrowest course tolerance that makes two distinct half-planes, rad.
+/// Minimum course tolerance with two distinct half-planes, rad.
 const LEAST_TOLERANCE_RAD: f64 = 1e-3;
-/// Widest tolerance that a course is enlarged to, rad (89°).
+/// Maximum enlarged course tolerance, rad (89°).
 const WIDEST_TOLERANCE_RAD: f64 = 1.553_343_034_274_953_4;
 
 /// |course − given| ≤ tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Keys", into = "Keys")]
 pub struct Heading {
-    /// The phone's index.
+    /// Index of the phone.
     pub phone: usize,
     /// Course over ground, rad, clockwise from north.
     pub course_rad: f64,
@@ -59,7 +59,7 @@ impl From<Heading> for Keys {
     }
 }
 
-impl Kind for Heading {
+impl ConstraintKind for Heading {
     fn phones(&self) -> &[usize] {
         std::slice::from_ref(&self.phone)
     }
@@ -84,8 +84,8 @@ impl Kind for Heading {
         Some(wrap_rad(velocity.east.atan2(velocity.north) - self.course_rad))
     }
 
-    /// Whether the phone is fast enough for its course to mean something.
-    fn applies(&self, at: &At<'_>) -> Result<bool, SkipReason> {
+    /// Whether the phone is fast enough for a defined course.
+    fn applies(&self, at: &ConstrainedState<'_>) -> Result<bool, SkipReason> {
         let motion = Motion::of(at.state, self.phone, at.options.horizon_s).ok_or(SkipReason::NotFinite)?;
         let speed_mps = motion.velocity().horizontal();
         let sigma_mps = motion.horizontal_sigma_mps(at.covariance);
@@ -96,9 +96,9 @@ impl Kind for Heading {
         Ok(speed_mps >= gate.minimum_speed_mps && speed_mps > gate.minimum_sigmas * sigma_mps)
     }
 
-    /// Half-planes of the velocity (Peng Eq. 18, divided by Δt): ahead, not too far right, not too far left. The last two, here
+    /// Half-planes of the velocity (Peng Eq. 18, divided by Δt): ahead, limit on the right, limit on the left. The last two, here
     /// scaled by the cosine of the tolerance, imply the first.
-    fn rows(&self, at: &At<'_>) -> Result<Rows, SkipReason> {
+    fn rows(&self, at: &ConstrainedState<'_>) -> Result<Rows, SkipReason> {
         let motion = Motion::of(at.state, self.phone, at.options.horizon_s).ok_or(SkipReason::NotFinite)?;
         let (sin_course, cos_course) = self.course_rad.sin_cos();
         let tolerance_rad = self.tolerance_rad.clamp(LEAST_TOLERANCE_RAD, FRAC_PI_2);
@@ -120,7 +120,7 @@ impl Kind for Heading {
         ])
     }
 
-    /// Half-planes have no width of their own: the tolerance is enlarged for all of them.
+    /// Half-planes have no width, so the tolerance is enlarged for all of them.
     fn widens_as_a_whole(&self) -> bool {
         true
     }
@@ -141,7 +141,7 @@ impl Kind for Heading {
     }
 }
 
-/// Degrees without the last digits of the conversion.
+/// Degrees rounded against the last digits of the conversion.
 fn degrees(radians: f64) -> f64 {
     (radians.to_degrees() * 1e6).round() / 1e6
 }

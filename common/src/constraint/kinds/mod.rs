@@ -1,7 +1,7 @@
-//! The kinds of constraints, a file each, which holds everything about its kind.
+//! The kinds of constraints, one file each with everything about its kind.
 //!
-//! A kind is a struct of its phones and bounds that implements [`Kind`], and its line in the list below. The list makes the
-//! enum [`Constraint`] of it, and gives the kind its one name, which session files, reports and recordings have.
+//! A kind is a struct of phones and bounds that implements [`ConstraintKind`], and a line in the list below. The list generates the
+//! enum [`Constraint`] and gives the kind its one name in session files, reports and recordings.
 
 mod distance;
 mod fields;
@@ -22,97 +22,98 @@ use super::options::ConstraintOptions;
 use super::rows::Rows;
 use super::truncation::Interval;
 
-/// Vectors shorter than this have no direction: 1 mm, 1 mm/s.
+/// Length below which a vector has no direction: 1 mm, 1 mm/s.
 pub(super) const NO_DIRECTION: f64 = 1e-3;
 
-/// What a kind of constraint has to say of itself.
-pub trait Kind {
-    /// The phones that it concerns, by their index in the state.
+/// Properties of a kind of constraint.
+pub trait ConstraintKind {
+    /// The constrained phones, by their index in the state.
     fn phones(&self) -> &[usize];
 
-    /// The same, to be replaced.
+    /// The same indices, mutable.
     fn phones_mut(&mut self) -> &mut [usize];
 
-    /// Whether the bounds make sense.
+    /// Whether the bounds are valid.
     fn has_valid_bounds(&self) -> bool;
 
-    /// Where the value lies (see [`Kind::value`]), in its unit.
+    /// Interval of the value (see [`ConstraintKind::value`]) in its unit.
     fn bounds(&self) -> Interval;
 
-    /// The constrained quantity in a joint state. Velocities are mean ones over `horizon_s` to come, v + ½a·horizon; 0 takes the
-    /// velocity itself. `None` when the state does not hold the phones or the quantity, or is not finite.
+    /// The constrained quantity in a joint state. Velocities are means over the next `horizon_s`, v + ½a·horizon; 0 uses the velocity
+    /// itself.
+    /// `None` if the state does not contain the phones or the quantity, or is not finite.
     fn value(&self, state: &DVector<f64>, horizon_s: f64) -> Option<f64>;
 
-    /// Whether it has something to say of a state at all. A constraint that has not is left alone and not reported.
+    /// Whether the constraint applies to the state. Otherwise it is left out and not reported.
     ///
     /// # Errors
-    /// [`SkipReason::NotFinite`] when the state cannot tell.
-    fn applies(&self, at: &At<'_>) -> Result<bool, SkipReason> {
+    /// [`SkipReason::NotFinite`] if the state is not finite.
+    fn applies(&self, at: &ConstrainedState<'_>) -> Result<bool, SkipReason> {
         let _ = at;
         Ok(true)
     }
 
-    /// Its bounded rows, linearised at a state; none when it has nothing to say there.
+    /// The bounded rows, linearised at a state; no rows if the constraint does not apply there.
     ///
     /// # Errors
-    /// [`SkipReason::NotFinite`] when the state has no rows.
-    fn rows(&self, at: &At<'_>) -> Result<Rows, SkipReason>;
+    /// [`SkipReason::NotFinite`] if the state has no rows.
+    fn rows(&self, at: &ConstrainedState<'_>) -> Result<Rows, SkipReason>;
 
-    /// The vector whose length the kind bounds, when it does: its rows are turned with the vector. `None`: rows are linear
-    /// and hold wherever the state goes.
-    fn length(&self) -> Option<&dyn Length> {
+    /// The vector whose length is bounded, if any: its rows are relinearised along the vector. `None`: the rows are linear and valid for
+    /// all states.
+    fn length(&self) -> Option<&dyn BoundedLength> {
         None
     }
 
-    /// Whether an enlargement widens the bounds of the kind (see [`Kind::widened`]) instead of the interval of each row.
+    /// Whether an enlargement widens the bounds of the constraint (see [`ConstraintKind::widened`]) instead of the interval of each row.
     fn widens_as_a_whole(&self) -> bool {
         false
     }
 
-    /// The constraint with bounds `factor` times as wide; `None` when they cannot be wider.
+    /// The constraint with bounds `factor` times as wide; `None` if they cannot be wider.
     fn widened(&self, factor: f64) -> Option<Constraint> {
         let _ = factor;
         None
     }
 
-    /// How its value is written for people.
+    /// Unit of the value in text.
     fn unit(&self) -> Unit;
 
-    /// Its bounds in words, with their unit.
+    /// The bounds in words, with their unit.
     fn bounds_in_words(&self) -> String;
 }
 
-/// A vector that is linear in the state, and whose length is bounded.
-pub trait Length {
-    /// The vector in a state; `None` when the state does not hold the phones or is not finite.
-    fn vector(&self, at: &At<'_>) -> Option<Vector3<f64>>;
+/// A vector that is linear in the state, with a bounded length.
+pub trait BoundedLength {
+    /// The vector in a state; `None` if the state does not contain the phones or is not finite.
+    fn vector(&self, at: &ConstrainedState<'_>) -> Option<Vector3<f64>>;
 
-    /// By how much the vector changes when the state changes by this.
-    fn change(&self, at: &At<'_>, change: &DVector<f64>) -> Option<Vector3<f64>>;
+    /// Change of the vector for a given change of the state.
+    fn change(&self, at: &ConstrainedState<'_>, change: &DVector<f64>) -> Option<Vector3<f64>>;
 
-    /// The rows when the length is linearised along `direction`, a unit vector. The first is the one along it.
-    fn rows_along(&self, at: &At<'_>, direction: &Vector3<f64>) -> Option<Rows>;
+    /// The rows for a linearisation along `direction`, a unit vector. The first row is that along the direction.
+    fn rows_along(&self, at: &ConstrainedState<'_>, direction: &Vector3<f64>) -> Option<Rows>;
 }
 
-/// A state that constraints are asked about, and how they are applied.
+/// Joint state with the options of its constraints.
 #[derive(Clone, Copy)]
-pub struct At<'a> {
+pub struct ConstrainedState<'a> {
     /// Mean of the joint state.
     pub state: &'a DVector<f64>,
     /// Its covariance.
     pub covariance: &'a DMatrix<f64>,
-    /// How constraints are applied.
+    /// Options of the constraints.
     pub options: &'a ConstraintOptions,
 }
 
-/// How a value is written for people.
+/// Unit and format of a value in text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
-    /// The unit as it follows a number, as ` m/s`.
+    /// Name of the unit with the preceding space, as ` m/s`.
     pub name: &'static str,
-    /// How many there are in one SI unit.
+    /// Number of units per SI unit.
     pub per_si: f64,
-    /// Decimals that are worth reading.
+    /// Number of decimals.
     pub decimals: usize,
 }
 
@@ -120,20 +121,20 @@ impl Unit {
     const METRES: Self = Self { name: " m", per_si: 1.0, decimals: 2 };
     const METRES_PER_SECOND: Self = Self { name: " m/s", per_si: 1.0, decimals: 2 };
 
-    /// A change of a value: `12.00 → 5.00 m`.
+    /// Text of a change of a value: `12.00 → 5.00 m`.
     pub fn change(&self, before: f64, after: f64) -> String {
         let Self { name, per_si, decimals } = *self;
         format!("{:.decimals$} → {:.decimals$}{name}", before * per_si, after * per_si)
     }
 }
 
-/// Makes the enum of all kinds. Each line: name, type.
+/// Generates the enum of all kinds. Each line: name, type.
 macro_rules! kinds {
     ($($(#[$doc:meta])* $name:literal $kind:ident;)*) => {
-        /// A constraint on the phones of a joint state, by their index in it.
+        /// A constraint on phones, by their index in the joint state.
         ///
-        /// Its written form is the name of its kind as `kind`, and the keys of that kind: bounds with their unit, and any
-        /// other key is an error. Phones are no part of it, for files have their names: see [`Constraint::among`].
+        /// Its written form consists of the name of its kind as `kind` and the keys of that kind: bounds with their unit; any other key is
+        /// an error. Phones are not part of it, because files use their names: see [`Constraint::among`].
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(tag = "kind")]
         pub enum Constraint {
@@ -144,14 +145,14 @@ macro_rules! kinds {
             /// The names of all kinds.
             pub const KINDS: &'static [&'static str] = &[$($name),*];
 
-            /// The name of its kind.
+            /// Name of the kind.
             pub const fn name(&self) -> &'static str {
                 match self {
                     $(Self::$kind(_) => $name,)*
                 }
             }
 
-            /// The keys of the kind of this name; none when there is no such kind.
+            /// The keys of the kind with this name; empty if there is no such kind.
             pub fn keys(name: &str) -> &'static [&'static str] {
                 match name {
                     $($name => fields::of::<$kind>(),)*
@@ -159,13 +160,13 @@ macro_rules! kinds {
                 }
             }
 
-            pub(super) const fn kind(&self) -> &dyn Kind {
+            pub(super) const fn kind(&self) -> &dyn ConstraintKind {
                 match self {
                     $(Self::$kind(kind) => kind,)*
                 }
             }
 
-            const fn kind_mut(&mut self) -> &mut dyn Kind {
+            const fn kind_mut(&mut self) -> &mut dyn ConstraintKind {
                 match self {
                     $(Self::$kind(kind) => kind,)*
                 }
@@ -192,12 +193,12 @@ kinds! {
 }
 
 impl Constraint {
-    /// The phones that it concerns.
+    /// The constrained phones.
     pub fn phones(&self) -> &[usize] {
         self.kind().phones()
     }
 
-    /// The constraint with other indices of its phones; `None` when a phone has none.
+    /// The constraint with other phone indices; `None` if a phone has none.
     pub fn mapped(mut self, index: impl Fn(usize) -> Option<usize>) -> Option<Self> {
         for phone in self.kind_mut().phones_mut() {
             *phone = index(*phone)?;
@@ -205,7 +206,7 @@ impl Constraint {
         Some(self)
     }
 
-    /// The constraint for each of the phones, or, if it concerns two, for each pair, in their order.
+    /// The constraint for each phone, or, for a constraint on two phones, for each pair, in their order.
     pub fn among(&self, phones: &[usize]) -> Vec<Self> {
         let of = |chosen: &[usize]| {
             let mut constraint = *self;
@@ -219,11 +220,11 @@ impl Constraint {
         phones.iter().enumerate().flat_map(|(n, &i)| after(n).map(move |&j| of(&[i, j]))).collect()
     }
 
-    /// The constrained quantity in a joint state: distance (m), vertical velocity (m/s, positive up), speed (m/s) or angle off the course (rad, in
-    /// (−π, π], positive to the right).
+    /// The constrained quantity in a joint state: distance (m), vertical velocity (m/s, positive up), speed (m/s) or angle off the course
+    /// (rad, in (−π, π], positive to the right).
     ///
-    /// The velocity is the mean one over `horizon_s` to come, v + ½a·horizon; 0 takes the velocity itself. `None` when
-    /// the state does not hold the phones, is not finite, or a course is asked of a phone without horizontal velocity.
+    /// Velocities are means over the next `horizon_s`, v + ½a·horizon; 0 uses the velocity itself. `None` if the state does not contain the
+    /// phones or is not finite, and for the course of a phone without horizontal velocity.
     pub fn value(&self, state: &DVector<f64>, horizon_s: f64) -> Option<f64> {
         self.kind().value(state, horizon_s).filter(|value| value.is_finite())
     }
@@ -233,28 +234,28 @@ impl Constraint {
         self.excess(value) == 0.0
     }
 
-    /// How far a value is outside of the bounds, in its unit; 0 inside, NaN for NaN.
+    /// Distance of a value from the bounds in its unit; 0 inside, NaN for NaN.
     pub fn excess(&self, value: f64) -> f64 {
         self.kind().bounds().excess(value)
     }
 
-    /// Its bounds in words, with their unit.
+    /// The bounds in words, with their unit.
     pub fn bounds_in_words(&self) -> String {
         self.kind().bounds_in_words()
     }
 
-    /// How its value is written for people.
+    /// Unit of the value in text.
     pub fn unit(&self) -> Unit {
         self.kind().unit()
     }
 }
 
-/// A bound that must be above zero; infinity is allowed.
+/// Checks a bound that must be above zero; infinity is allowed.
 fn positive(key: &str, value: f64) -> Result<f64, String> {
     if value > 0.0 { Ok(value) } else { Err(format!("{key} is {value}; it must be above 0")) }
 }
 
-/// A finite bound from zero up.
+/// Checks a finite bound of at least zero.
 fn not_negative(key: &str, value: f64, unit: &str) -> Result<f64, String> {
     if (0.0..f64::INFINITY).contains(&value) {
         Ok(value)

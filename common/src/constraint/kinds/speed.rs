@@ -1,10 +1,10 @@
 //! minimum ≤ |v_horizontal| ≤ maximum.
 //!
-//! Along the direction u of the motion the speed is uᵀv. An upper bound holds for every component of the horizontal velocity, so
-//! where the direction is uncertain the component across is bounded too, and a phone without any motion is bounded east and
-//! north. A lower bound needs a direction: it is applied to the component along a direction that is certain
-//! ([`HeadingGate::minimum_sigmas`](crate::constraint::HeadingGate::minimum_sigmas)), as far as the uncertainty across leaves it,
-//! and not at all otherwise.
+//! Along the direction u of motion the speed is uᵀv. An upper bound holds for every component of the horizontal velocity: for an uncertain
+//! direction the component across is bounded too, and for a phone without motion the east and north components are. A lower bound needs a
+//! direction: it is applied to the component along a certain direction
+//! ([`HeadingGate::minimum_sigmas`](crate::constraint::HeadingGate::minimum_sigmas)), reduced by the uncertainty across, and not at all
+//! otherwise.
 
 use nalgebra::{DVector, Vector3};
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::super::SkipReason;
 use super::super::rows::{BoundedRow, Motion, Rows};
 use super::super::truncation::Interval;
-use super::{At, Kind, Length, NO_DIRECTION, Unit, not_negative, positive};
+use super::{BoundedLength, ConstrainedState, ConstraintKind, NO_DIRECTION, Unit, not_negative, positive};
 use crate::frames::Enu;
 
 const EAST: Enu = Enu { east: 1.0, north: 0.0, up: 0.0 };
@@ -22,7 +22,7 @@ const NORTH: Enu = Enu { east: 0.0, north: 1.0, up: 0.0 };
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Keys", into = "Keys")]
 pub struct Speed {
-    /// The phone's index.
+    /// Index of the phone.
     pub phone: usize,
     /// Lower bound, m/s, ≥ 0.
     pub minimum_mps: f64,
@@ -66,7 +66,7 @@ impl From<Speed> for Keys {
     }
 }
 
-impl Kind for Speed {
+impl ConstraintKind for Speed {
     fn phones(&self) -> &[usize] {
         std::slice::from_ref(&self.phone)
     }
@@ -87,8 +87,8 @@ impl Kind for Speed {
         Some(Motion::of(state, self.phone, horizon_s)?.velocity().horizontal())
     }
 
-    /// An upper bound always; a lower bound alone when the direction is certain.
-    fn applies(&self, at: &At<'_>) -> Result<bool, SkipReason> {
+    /// An upper bound applies always; a lower bound alone only for a certain direction.
+    fn applies(&self, at: &ConstrainedState<'_>) -> Result<bool, SkipReason> {
         let motion = self.motion(at).ok_or(SkipReason::NotFinite)?;
         if !motion.horizontal_sigma_mps(at.covariance).is_finite() {
             return Err(SkipReason::NotFinite);
@@ -96,14 +96,14 @@ impl Kind for Speed {
         Ok(self.maximum_mps.is_finite() || has_direction(&motion, at))
     }
 
-    fn rows(&self, at: &At<'_>) -> Result<Rows, SkipReason> {
+    fn rows(&self, at: &ConstrainedState<'_>) -> Result<Rows, SkipReason> {
         let velocity = self.vector(at).ok_or(SkipReason::NotFinite)?;
         let speed_mps = velocity.norm();
         let direction = if speed_mps > NO_DIRECTION { velocity / speed_mps } else { Vector3::x() };
         self.rows_along(at, &direction).ok_or(SkipReason::NotFinite)
     }
 
-    fn length(&self) -> Option<&dyn Length> {
+    fn length(&self) -> Option<&dyn BoundedLength> {
         Some(self)
     }
 
@@ -117,19 +117,19 @@ impl Kind for Speed {
 }
 
 /// The horizontal velocity: east, north and zero.
-impl Length for Speed {
-    fn vector(&self, at: &At<'_>) -> Option<Vector3<f64>> {
+impl BoundedLength for Speed {
+    fn vector(&self, at: &ConstrainedState<'_>) -> Option<Vector3<f64>> {
         let velocity = self.motion(at)?.velocity();
         Some(Vector3::new(velocity.east, velocity.north, 0.0))
     }
 
-    fn change(&self, at: &At<'_>, change: &DVector<f64>) -> Option<Vector3<f64>> {
+    fn change(&self, at: &ConstrainedState<'_>, change: &DVector<f64>) -> Option<Vector3<f64>> {
         let motion = self.motion(at)?;
         let component = |axis: Enu| motion.row(axis).times(change);
         Some(Vector3::new(component(EAST), component(NORTH), 0.0))
     }
 
-    fn rows_along(&self, at: &At<'_>, direction: &Vector3<f64>) -> Option<Rows> {
+    fn rows_along(&self, at: &ConstrainedState<'_>, direction: &Vector3<f64>) -> Option<Rows> {
         let motion = self.motion(at)?;
         let bounded = |axis: Enu, lower: f64| {
             Some(BoundedRow::new(motion.row(axis), Interval { lower, upper: self.maximum_mps }))
@@ -142,7 +142,7 @@ impl Length for Speed {
             }
             return Some([bounded(along, -self.maximum_mps), bounded(across, -self.maximum_mps), None]);
         }
-        // What is unknown across contributes to the speed: speed² = along² + across².
+        // The uncertainty across contributes to the speed: speed² = along² + across².
         let across_m2ps2 = motion.row(across).variance(at.covariance).max(0.0);
         let least_mps = (self.minimum_mps * self.minimum_mps - across_m2ps2).max(0.0).sqrt();
         let lower_mps = if least_mps > 0.0 { least_mps } else { -self.maximum_mps };
@@ -151,14 +151,13 @@ impl Length for Speed {
 }
 
 impl Speed {
-    fn motion(&self, at: &At<'_>) -> Option<Motion> {
+    fn motion(&self, at: &ConstrainedState<'_>) -> Option<Motion> {
         Motion::of(at.state, self.phone, at.options.horizon_s)
     }
 }
 
-/// Whether the direction of a motion is certain: its speed is more than the gate's number of standard deviations of the
-/// horizontal velocity.
-fn has_direction(motion: &Motion, at: &At<'_>) -> bool {
+/// Whether the direction of a motion is certain: the speed exceeds the gate's number of standard deviations of the horizontal velocity.
+fn has_direction(motion: &Motion, at: &ConstrainedState<'_>) -> bool {
     let sigma_mps = motion.horizontal_sigma_mps(at.covariance);
     let speed_mps = motion.velocity().horizontal();
     speed_mps > NO_DIRECTION && speed_mps > at.options.heading_gate.minimum_sigmas * sigma_mps

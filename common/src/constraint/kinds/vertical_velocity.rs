@@ -6,16 +6,16 @@ use serde::{Deserialize, Serialize};
 use super::super::SkipReason;
 use super::super::rows::{BoundedRow, Motion, Rows};
 use super::super::truncation::Interval;
-use super::{At, Kind, Unit, positive};
+use super::{ConstrainedState, ConstraintKind, Unit, positive};
 use crate::frames::Enu;
 
 /// |v_up| ≤ maximum.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Keys", into = "Keys")]
 pub struct VerticalVelocity {
-    /// The phone's index.
+    /// Index of the phone.
     pub phone: usize,
-    /// Bound, m/s.
+    /// Maximum absolute value, m/s.
     pub maximum_mps: f64,
 }
 
@@ -40,7 +40,7 @@ impl From<VerticalVelocity> for Keys {
     }
 }
 
-impl Kind for VerticalVelocity {
+impl ConstraintKind for VerticalVelocity {
     fn phones(&self) -> &[usize] {
         std::slice::from_ref(&self.phone)
     }
@@ -62,7 +62,7 @@ impl Kind for VerticalVelocity {
     }
 
     /// One row with two bounds (Peng Eq. 11, divided by Δt).
-    fn rows(&self, at: &At<'_>) -> Result<Rows, SkipReason> {
+    fn rows(&self, at: &ConstrainedState<'_>) -> Result<Rows, SkipReason> {
         let motion = Motion::of(at.state, self.phone, at.options.horizon_s).ok_or(SkipReason::NotFinite)?;
         let row = motion.row(Enu { east: 0.0, north: 0.0, up: 1.0 });
         Ok([Some(BoundedRow::new(row, self.bounds())), None, None])

@@ -1,4 +1,4 @@
-//! One phone's messages on their way into buckets.
+//! Messages of one phone before they enter buckets.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -10,120 +10,136 @@ use crate::wire::EpochMessage;
 
 use super::AlignOptions;
 
-/// Most messages of a phone held back for confirmation.
+/// Maximum number of messages of a phone held back for confirmation.
 const MAXIMUM_HELD: usize = 4;
-/// Steps between a phone's epochs that differ by no more than this factor are regular: a recording of one epoch every two hours.
-const REGULAR: f64 = 1.5;
-/// Places of a phone's epochs in time that are remembered, for one [`AlignOptions::maximum_wait`].
-const MARKS: u32 = 16;
-/// Whether a bucket waits for a phone.
+/// Maximum ratio of successive steps that count as regular, as in a recording with one epoch every two hours.
+const REGULAR_STEP_RATIO: f64 = 1.5;
+/// Number of marks kept per [`AlignOptions::maximum_wait`].
+const MARKS_PER_WAIT: u32 = 16;
+/// Whether buckets wait for a phone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Presence {
-    /// Messages will come.
+    /// Buckets wait for the phone.
     #[default]
     Running,
-    /// Left behind or not there; its next message that is on time makes it run.
+    /// Left behind or absent; its next message on time makes it running.
     Away,
-    /// No message will come.
+    /// The phone delivers no more messages.
     Finished,
 }
 
+/// Date and arrival of a message with a confirmed date.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mark {
+    /// Arrival by the caller's steady clock.
+    pub(super) arrived: Duration,
+    pub(super) time: GpsTime,
+}
+
 #[derive(Debug)]
-pub(super) struct Waiting {
+pub(super) struct ReceivedEpoch {
     pub(super) message: EpochMessage,
     pub(super) arrived: Duration,
 }
 
-/// Where a message stands among those of its phone.
-pub(super) enum Place {
-    /// It goes on where the phone was.
+/// Relation of a message's date to the earlier messages of its phone.
+pub(super) enum DateCheck {
+    /// The date follows that of the previous message.
     Follows,
-    /// It follows some that were held back, in order of time, which are believed now.
-    Confirms(Vec<Waiting>),
-    /// It is far from everything else.
-    Unknown,
+    /// The date confirms these held messages, in order of time.
+    Confirms(Vec<ReceivedEpoch>),
+    /// The date is far from all others and needs confirmation.
+    Unconfirmed,
 }
 
-/// What became of a message.
+/// Result of queueing a message.
 pub(super) enum Accepted {
     Queued,
-    /// Its time is fused already.
+    /// The time of the message is fused already.
     TooLate,
-    /// It does not follow the one before it.
+    /// The message is not later than the previous one.
     Refused,
 }
 
 #[derive(Debug, Default)]
 pub(super) struct Track {
-    pub(super) queue: VecDeque<Waiting>,
-    /// Messages whose time is not confirmed, at most [`MAXIMUM_HELD`].
-    pub(super) held: Vec<Waiting>,
+    pub(super) queue: VecDeque<ReceivedEpoch>,
+    /// Messages without a confirmed date, at most [`MAXIMUM_HELD`].
+    pub(super) held: Vec<ReceivedEpoch>,
     pub(super) presence: Presence,
-    /// Time of the last message that was believed.
+    /// Time of the last message with a confirmed date.
     pub(super) latest: Option<GpsTime>,
-    /// The step to it from the one before, s.
+    /// Step from the message before to `latest`, s.
     step_s: Option<f64>,
-    /// When the last message came that could be fused.
-    pub(super) progress: Option<Duration>,
-    /// When the last message came that was believed, and its time; also of one that came too late.
-    pub(super) spoken: Option<(Duration, GpsTime)>,
-    /// When anything came last.
-    pub(super) heard: Option<Duration>,
-    marks: VecDeque<(Duration, GpsTime)>,
-    /// Whether its last message has a position that the agent does not warn of.
+    /// Arrival of the last queued message.
+    pub(super) last_queued: Option<Duration>,
+    /// Last message with a confirmed date, even if it was too late; `None` after the agent left.
+    pub(super) last_confirmed: Option<Mark>,
+    /// Arrival of the last message of any kind.
+    pub(super) last_arrival: Option<Duration>,
+    marks: VecDeque<Mark>,
+    /// Whether the last message has a position without a warning of the agent.
     pub(super) has_position: bool,
-    /// Whether it is of a later time than the group's.
+    /// Whether the phone is ahead of the group's time.
     pub(super) ahead: bool,
-    /// Since when.
+    /// Begin of `ahead`, by the caller's steady clock.
     pub(super) ahead_since: Duration,
-    /// Whether it was left behind and has not been on time since.
+    /// Whether the phone was left behind and has not been on time since.
     pub(super) left_behind: bool,
     pub(super) skips: Skips,
 }
 
 impl Track {
     pub(super) fn time(&self, position: usize) -> Option<GpsTime> {
-        self.queue.get(position).map(|waiting| waiting.message.time_gps)
+        self.queue.get(position).map(|received| received.message.time_gps)
     }
 
-    /// The time of the last message that was believed, of an agent that is gone only while it waits.
+    /// Latest confirmed time; after the agent left, that of the waiting messages only.
     pub(super) fn newest(&self) -> Option<GpsTime> {
-        let waiting = self.queue.back().map(|waiting| waiting.message.time_gps);
-        waiting.max(self.spoken.map(|(_, time)| time))
+        let received = self.queue.back().map(|received| received.message.time_gps);
+        received.max(self.last_confirmed.map(|mark| mark.time))
     }
 
-    /// Where a message stands. Live, a step back is believed once the phone has not gone on where it was for some time.
-    pub(super) fn place(&mut self, waiting: &Waiting, options: &AlignOptions, live: bool) -> Place {
-        let (time, now) = (waiting.message.time_gps, waiting.arrived);
-        self.heard = Some(now);
+    /// Checks the date of a message. In a live group a step backwards is accepted if no message with a confirmed date came within
+    /// `maximum_wait`.
+    pub(super) fn check_date(
+        &mut self,
+        received: &ReceivedEpoch,
+        options: &AlignOptions,
+        live: bool,
+    ) -> DateCheck {
+        let (time, now) = (received.message.time_gps, received.arrived);
+        self.last_arrival = Some(now);
         let wait_s = options.maximum_wait.as_secs_f64();
-        let most_s = self.step_s.map_or(0.0, |step_s| REGULAR * step_s).max(options.maximum_step_s);
+        let most_s =
+            self.step_s.map_or(0.0, |step_s| REGULAR_STEP_RATIO * step_s).max(options.maximum_step_s);
         let follows = |latest: GpsTime| {
             let step_s = time - latest;
             step_s <= most_s && !(live && step_s < -wait_s)
         };
         if self.latest.is_some_and(follows) {
-            return Place::Follows;
+            return DateCheck::Follows;
         }
         let goes_back = self.latest.is_some_and(|latest| time < latest);
-        let goes_on = self.spoken.is_some_and(|(at, _)| now.saturating_sub(at) < options.maximum_wait);
+        let goes_on =
+            self.last_confirmed.is_some_and(|mark| now.saturating_sub(mark.arrived) < options.maximum_wait);
         if goes_back && goes_on {
-            return Place::Unknown;
+            return DateCheck::Unconfirmed;
         }
         let confirmed = self.confirmed_by(time, options);
         let Some(first) = confirmed.first().map(|first| first.message.time_gps) else {
-            return Place::Unknown;
+            return DateCheck::Unconfirmed;
         };
         if goes_back {
-            self.go_back_to(first);
+            self.rewind_to(first);
         }
-        Place::Confirms(confirmed)
+        DateCheck::Confirms(confirmed)
     }
 
-    /// Takes out what was held back and is believed by a message of `time`: the one that it follows closely, or those to
-    /// which it is a further regular step.
-    fn confirmed_by(&mut self, time: GpsTime, options: &AlignOptions) -> Vec<Waiting> {
-        let near = |held: &Waiting| {
+    /// Removes and returns the held messages confirmed by a message of `time`: the message that it follows closely, or those that make
+    /// regular steps with it.
+    fn confirmed_by(&mut self, time: GpsTime, options: &AlignOptions) -> Vec<ReceivedEpoch> {
+        let near = |held: &ReceivedEpoch| {
             let step_s = time - held.message.time_gps;
             step_s > 0.0 && step_s <= options.maximum_step_s
         };
@@ -135,7 +151,10 @@ impl Track {
         let before = before.map(|before| before.message.time_gps);
         let is_regular = |from: GpsTime| {
             let (first_s, second_s) = (last - from, time - last);
-            first_s > 0.0 && second_s > 0.0 && second_s <= REGULAR * first_s && first_s <= REGULAR * second_s
+            first_s > 0.0
+                && second_s > 0.0
+                && second_s <= REGULAR_STEP_RATIO * first_s
+                && first_s <= REGULAR_STEP_RATIO * second_s
         };
         if self.latest.is_some_and(is_regular) {
             return self.held.pop().into_iter().collect();
@@ -146,54 +165,55 @@ impl Track {
         }
     }
 
-    /// What waits of a later time than the phone is at now is not of it any more.
-    fn go_back_to(&mut self, time: GpsTime) {
-        while let Some(later) = self.queue.pop_back_if(|waiting| waiting.message.time_gps >= time) {
+    /// Drops waiting messages from `time` on, after a step backwards of the phone.
+    fn rewind_to(&mut self, time: GpsTime) {
+        while let Some(later) = self.queue.pop_back_if(|received| received.message.time_gps >= time) {
             self.skips.add(Reason::EpochWentBack, || describe(&later.message, Some(time), None));
         }
         self.latest = None;
         self.marks.clear();
     }
 
-    /// Queues a message whose time is believed, or counts why not; `too_late`: what that is called of one whose time is fused already.
+    /// Queues a message with a confirmed date or counts the reason against it; `too_late` is the reason if its time is fused already.
     pub(super) fn accept(
         &mut self,
-        waiting: Waiting,
+        received: ReceivedEpoch,
         options: &AlignOptions,
-        done_to: Option<GpsTime>,
+        fused_to_gps: Option<GpsTime>,
         too_late: Reason,
     ) -> Accepted {
-        let (time, now) = (waiting.message.time_gps, waiting.arrived);
+        let (time, now) = (received.message.time_gps, received.arrived);
         if let Some(reason) = refusal(time, self.latest, options.simultaneous_s) {
-            self.skips.add(reason, || describe(&waiting.message, self.latest, done_to));
+            self.skips.add(reason, || describe(&received.message, self.latest, fused_to_gps));
             return Accepted::Refused;
         }
         let latest = self.latest.replace(time);
         self.step_s = latest.map(|latest| time - latest);
-        self.spoken = Some((now, time));
-        self.mark(now, time, options.maximum_wait);
-        let is_doubtful = matches!(waiting.message.raim.verdict, Verdict::Unreliable(_));
-        self.has_position = waiting.message.wls.is_some() && !is_doubtful;
-        if done_to.is_some_and(|done_to| time < done_to) {
-            self.skips.add(too_late, || describe(&waiting.message, latest, done_to));
+        let mark = Mark { arrived: now, time };
+        self.last_confirmed = Some(mark);
+        self.remember(mark, options.maximum_wait);
+        let is_doubtful = matches!(received.message.raim.verdict, Verdict::Unreliable(_));
+        self.has_position = received.message.wls.is_some() && !is_doubtful;
+        if fused_to_gps.is_some_and(|fused_to_gps| time < fused_to_gps) {
+            self.skips.add(too_late, || describe(&received.message, latest, fused_to_gps));
             return Accepted::TooLate;
         }
-        self.progress = Some(now);
-        self.queue.push_back(waiting);
+        self.last_queued = Some(now);
+        self.queue.push_back(received);
         self.drop_held();
         Accepted::Queued
     }
 
-    /// Holds a message back until the next confirms it.
-    pub(super) fn hold(&mut self, waiting: Waiting) {
-        if self.held.iter().any(|held| held.message.time_gps == waiting.message.time_gps) {
-            self.skips.add(Reason::EpochReceivedTwice, || describe(&waiting.message, self.latest, None));
+    /// Holds a message back until the next one confirms its date.
+    pub(super) fn hold(&mut self, received: ReceivedEpoch) {
+        if self.held.iter().any(|held| held.message.time_gps == received.message.time_gps) {
+            self.skips.add(Reason::EpochReceivedTwice, || describe(&received.message, self.latest, None));
             return;
         }
         if self.held.len() >= MAXIMUM_HELD {
             self.drop_held();
         }
-        self.held.push(waiting);
+        self.held.push(received);
     }
 
     pub(super) fn drop_held(&mut self) {
@@ -202,36 +222,36 @@ impl Track {
         }
     }
 
-    fn mark(&mut self, now: Duration, time: GpsTime, window: Duration) {
+    fn remember(&mut self, mark: Mark, window: Duration) {
+        let now = mark.arrived;
         self.forget_marks(now, window);
-        if self.marks.back().is_none_or(|(last, _)| now.saturating_sub(*last) >= window / MARKS) {
-            self.marks.push_back((now, time));
+        if self.marks.back().is_none_or(|last| now.saturating_sub(last.arrived) >= window / MARKS_PER_WAIT) {
+            self.marks.push_back(mark);
         }
     }
 
     fn forget_marks(&mut self, now: Duration, window: Duration) {
-        while self.marks.pop_front_if(|(at, _)| now.saturating_sub(*at) >= window).is_some() {}
+        while self.marks.pop_front_if(|mark| now.saturating_sub(mark.arrived) >= window).is_some() {}
     }
 
-    /// How far its epochs have come within the last `window`, s.
+    /// Advance of the epoch time within the last `window`, s.
     pub(super) fn advance_s(&mut self, now: Duration, window: Duration) -> f64 {
         self.forget_marks(now, window);
-        match (self.marks.front(), self.spoken) {
-            (Some((_, first)), Some((_, last))) => last - *first,
+        match (self.marks.front(), self.last_confirmed) {
+            (Some(first), Some(last)) => last.time - first.time,
             _ => 0.0,
         }
     }
 
-    /// How many times as fast as time its epochs come, as far as the last marks tell.
+    /// Speed of the phone, epoch time per wall time, from the remembered marks.
     pub(super) fn speed(&self) -> Option<f64> {
-        let (first_at, first) = self.marks.front()?;
-        let (last_at, last) = self.marks.back()?;
-        let elapsed_s = last_at.saturating_sub(*first_at).as_secs_f64();
-        (elapsed_s > 0.0).then(|| (*last - *first) / elapsed_s)
+        let (first, last) = (self.marks.front()?, self.marks.back()?);
+        let elapsed_s = last.arrived.saturating_sub(first.arrived).as_secs_f64();
+        (elapsed_s > 0.0).then(|| (last.time - first.time) / elapsed_s)
     }
 }
 
-/// Why a message cannot follow the one before it.
+/// Reason for which a message cannot follow the previous one.
 fn refusal(time: GpsTime, previous: Option<GpsTime>, simultaneous_s: f64) -> Option<Reason> {
     let previous = previous?;
     if time == previous {
@@ -245,13 +265,13 @@ fn refusal(time: GpsTime, previous: Option<GpsTime>, simultaneous_s: f64) -> Opt
     }
 }
 
-fn describe(message: &EpochMessage, previous: Option<GpsTime>, done_to: Option<GpsTime>) -> String {
+fn describe(message: &EpochMessage, previous: Option<GpsTime>, fused_to_gps: Option<GpsTime>) -> String {
     let text = |time: Option<GpsTime>| time.map_or_else(|| "none".to_owned(), |time| time.to_string());
     format!(
         "sequence {} at {}; the phone's previous epoch {}, fused up to {}",
         message.sequence,
         message.time_gps,
         text(previous),
-        text(done_to)
+        text(fused_to_gps)
     )
 }

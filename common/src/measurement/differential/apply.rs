@@ -1,4 +1,4 @@
-//! Base corrections to the rover's observations.
+//! Application of base corrections to the rover's observations.
 
 use super::base::{BaseCorrection, BaseEpoch};
 use super::{Applied, CorrectedObservation, Differential, Uncorrected, code_variance_m2};
@@ -9,12 +9,12 @@ use crate::measurement::pair::variance_factor;
 use crate::skips::Reason;
 use crate::time::GpsTime;
 
-/// Number of earlier epochs in which a satellite is looked for that a base's last epoch lacks.
+/// Number of earlier epochs searched for a satellite that is missing in a base's last epoch.
 const LOOK_BACK: usize = 3;
-/// Elevations below this (sine) count as this: 1/sin e has no bound.
+/// Minimum sine of the elevation in the distance term, because 1/sin e has no bound.
 const LOWEST_SINE: f64 = 0.1;
 
-/// What the bases know about one observation.
+/// Result of the search for a correction of one observation.
 #[derive(Clone, Copy, Debug)]
 enum Found {
     Corrected(FoundCorrection),
@@ -22,20 +22,20 @@ enum Found {
     Missing,
 }
 
-/// A base's correction of an observation.
+/// Correction of an observation by a base.
 #[derive(Clone, Copy, Debug)]
 struct FoundCorrection {
     correction: BaseCorrection,
-    /// Where the base is.
+    /// Position of the base.
     position: Ecef,
     age_s: f64,
-    /// It is of another code on the same band.
+    /// Whether the correction belongs to another code on the same band.
     is_other_code: bool,
 }
 
 impl Differential {
-    /// Corrects the observations of an epoch that were made for a rover at `rover`. Of the bases with a fresh epoch the nearest that
-    /// corrects any of them serves.
+    /// Corrects the observations of one epoch, made for the rover position `rover`. The nearest base with a fresh epoch and a correction
+    /// for at least one observation is used.
     pub fn apply(
         &mut self,
         observations: &mut Vec<CorrectedObservation>,
@@ -64,8 +64,8 @@ impl Differential {
         applied
     }
 
-    /// The bases with an epoch that is not too old, nearest first, each with its last epoch that is not later than the
-    /// rover's, or the next one after.
+    /// Bases with an epoch that is not too old, nearest first: base number and index of its last epoch up to the rover's time, or else of
+    /// the next epoch.
     fn fresh(&self, rover: Ecef, time_gps: GpsTime) -> Vec<(usize, usize)> {
         let fresh = self.bases.iter().enumerate().filter_map(|(base, epochs)| {
             let later = epochs.partition_point(|epoch| epoch.time_gps() <= time_gps);
@@ -107,7 +107,7 @@ impl Differential {
         }
     }
 
-    /// Looks for the correction of one observation.
+    /// Searches for the correction of one observation.
     fn find(
         &mut self,
         base: usize,
@@ -146,7 +146,7 @@ impl Differential {
         other.unwrap_or(Found::Missing)
     }
 
-    /// Applies what was found; whether the observation stays.
+    /// Applies the result of the search. Returns whether the observation stays.
     fn settle(
         &self,
         observation: &mut CorrectedObservation,
@@ -191,7 +191,7 @@ impl Differential {
         }
     }
 
-    /// Takes the correction off, and puts the variances of rover's and base's code, of age and distance in the place of those of models.
+    /// Subtracts the correction, and replaces the variances of the models by those of rover code, base code, age and distance.
     fn correct(
         &self,
         observation: &mut CorrectedObservation,
@@ -216,7 +216,7 @@ impl Differential {
         observation.pseudorange_sigma_m = variance_m2.sqrt();
     }
 
-    /// Variance of the rover's biases between GLONASS' frequency channels, which a base of another make does not share, m².
+    /// Variance of the rover's biases between GLONASS' frequency channels, m²; a base of another make does not share them.
     fn channel_variance_m2(&self, observation: &CorrectedObservation) -> f64 {
         let constellation = observation.satellite.constellation;
         if constellation != Constellation::Glonass {

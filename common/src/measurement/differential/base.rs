@@ -1,4 +1,4 @@
-//! A base's epoch and its corrections.
+//! Epochs of a base and their corrections.
 
 use super::clock::common;
 use super::{CorrectedObservation, Corrector, DifferentialOptions, code_variance_m2};
@@ -10,34 +10,35 @@ use crate::orbit::{ClockReference, Products, SatelliteState};
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
-/// When more than half of a base's corrections are larger than this, it is not where it is said to be, m. What models leave is smaller.
+/// Limit on a base's corrections, m. If more than half of them exceed it, the stated position of the base is wrong; model errors are
+/// smaller.
 const CONTRADICTION_M: f64 = 30.0;
 
-/// Signals of a constellation and band that a correction needs at least.
+/// Minimum number of signals of a constellation and band for a correction.
 const FEWEST_FELLOWS: usize = 2;
 
-/// One epoch of a base. Its corrections are computed when they are first asked for.
+/// One epoch of a base; its corrections are computed at the first use.
 #[derive(Clone, Debug)]
 pub(super) struct BaseEpoch {
     epoch: ObservationEpoch,
     position: Ecef,
     corrections: Option<Vec<BaseCorrection>>,
-    /// Whether refused signals have been named.
+    /// Whether refused signals have been counted.
     is_counted: bool,
 }
 
-/// The correction of one signal of one satellite.
+/// Correction of one signal of one satellite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct BaseCorrection {
     pub(super) satellite: SatelliteId,
     pub(super) signal: SignalCode,
-    /// To be taken from the rover's pseudorange, m.
+    /// Correction to subtract from the rover's pseudorange, m.
     pub(super) correction_m: f64,
-    /// Its variance at the base and at its own time, m².
+    /// Variance of the correction at the base at its own time, m².
     pub(super) variance_m2: f64,
-    /// It differs from its fellows by too much.
+    /// Whether the value differs too much from the other signals of its group.
     pub(super) is_refused: bool,
-    /// When the satellite sent what the base received.
+    /// Time of transmission of the base's observation.
     sent: GpsTime,
 }
 
@@ -54,12 +55,12 @@ impl BaseEpoch {
         self.position
     }
 
-    /// What was computed is no longer right.
+    /// Discards the computed corrections.
     pub(super) fn forget(&mut self) {
         self.corrections = None;
     }
 
-    /// The corrections; refused ones are named once.
+    /// The corrections; refused signals are counted once.
     pub(super) fn corrections(
         &mut self,
         corrector: &mut Corrector,
@@ -93,7 +94,7 @@ fn compute(
     let mut corrections = Vec::with_capacity(observations.len());
     for group in groups {
         let fellows: Vec<_> = observations.iter().filter(|o| o.clock_group() == group).collect();
-        // One alone says nothing: its error and the base's clock are the same to it.
+        // The error of a single signal cannot be separated from the base's clock.
         if fellows.len() < FEWEST_FELLOWS {
             for alone in fellows {
                 skips.add(Reason::BaseSignalAlone, || {
@@ -135,15 +136,16 @@ fn compute(
     corrections
 }
 
-/// Whether the base cannot be where it is said to be.
+/// Whether the corrections contradict the stated position of the base.
 fn contradicts(corrections: &[BaseCorrection]) -> bool {
     let off = corrections.iter().filter(|c| c.correction_m.abs() > CONTRADICTION_M).count();
     2 * off > corrections.len()
 }
 
 impl BaseCorrection {
-    /// How the correction would be different by the message that is in force at `sent`, m, seen from the base, or by a message in place
-    /// of precise orbits that end in between (or begin). Zero when it is the same message, and with precise orbits at both instants.
+    /// Change of the correction, m, between the navigation messages in force at the base's observation and at `sent`, as seen from the
+    /// base, or between a message and precise orbits that begin or end in between. Zero for the same message, and with precise orbits at
+    /// both instants.
     pub(super) fn change_of_message_m(&self, products: &Products, sent: GpsTime, base: Ecef) -> f64 {
         let satellite = self.satellite;
         let state = |at| products.satellite_state(satellite, at).ok();
@@ -152,11 +154,11 @@ impl BaseCorrection {
             |state: SatelliteState| SPEED_OF_LIGHT_MPS * state.clock_s - state.position.distance_m(base);
         let change_m = match (then.clock_reference, now.clock_reference) {
             (ClockReference::IonosphereFree, ClockReference::IonosphereFree) => None,
-            // Precise orbits cover the base's instant only, ...
+            // Precise orbits at the base's instant only.
             (ClockReference::IonosphereFree, ClockReference::Broadcast) => {
                 state_by(products, satellite, sent, self.sent).map(|new| observed(new) - observed(then))
             }
-            // ... the message of the base reaches to the rover's.
+            // The base's navigation message, if it covers the rover's instant.
             (ClockReference::Broadcast, _) => has_changed(products, satellite, self.sent, sent, &now)
                 .then(|| state_by(products, satellite, self.sent, sent))
                 .flatten()
@@ -170,7 +172,7 @@ impl BaseCorrection {
     }
 }
 
-/// The group delay correction of a signal, or of a pair.
+/// Group delay correction of a signal or of a pair.
 fn group_delay_m(
     products: &Products,
     (satellite, signal): (SatelliteId, SignalCode),
@@ -184,7 +186,7 @@ fn group_delay_m(
     Some(factor * of_band(first) - (factor - 1.0) * of_band(second))
 }
 
-/// Whether the state at the second of two instants is by another message than that of the first.
+/// Whether the state at the second of two instants uses another navigation message than that at the first.
 fn has_changed(
     products: &Products,
     satellite: SatelliteId,
@@ -198,13 +200,13 @@ fn has_changed(
     if satellite.constellation == Constellation::Glonass {
         return products.glonass_ephemeris(satellite, a) != products.glonass_ephemeris(satellite, b);
     }
-    // Group delays may be no numbers, which are never equal.
+    // Group delays may be NaN, which never compares equal.
     let issue =
         |time| products.ephemeris(satellite, time).map(|e| (e.toe, e.toc, e.issue_of_data, e.message));
     issue(a) != issue(b)
 }
 
-/// The state at an instant by the message in force at another.
+/// State at one instant by the navigation message in force at another.
 fn state_by(
     products: &Products,
     satellite: SatelliteId,

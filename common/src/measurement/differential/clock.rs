@@ -1,15 +1,15 @@
-//! What signals of one constellation and band have in common at a base, and which of them stand apart.
+//! Common part of the signals of one constellation and band at a base, and detection of outliers.
 
-/// Fewer values than this cannot tell which of them is wrong.
+/// Minimum number of values for the detection of outliers.
 const FEWEST_TO_JUDGE: usize = 4;
-/// Median absolute deviation to standard deviation, for a normal distribution.
+/// Ratio of standard deviation to median absolute deviation for a normal distribution.
 const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
 
 /// A value and its expected standard deviation.
 pub(super) type Value = (f64, f64);
 
-/// The weighted mean of the values that are not outliers, and which ones are: those farther from the median than `limit` times
-/// their own standard deviation, that being scaled up where the values scatter more than they should. `None` without values.
+/// Weighted mean of the values without outliers, and a flag per value for outliers. An outlier differs from the median by more than `limit`
+/// times its standard deviation, which is scaled up if the values scatter more than expected. `None` without values.
 pub(super) fn common(values: &[Value], limit: f64) -> Option<(f64, Vec<bool>)> {
     let centre = median(values.iter().map(|(value, _)| *value).collect())?;
     let standardised: Vec<f64> =

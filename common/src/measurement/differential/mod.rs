@@ -1,39 +1,44 @@
-//! Differential pseudorange corrections from a base station at a known place.
+//! Differential pseudorange corrections from a base station at a known position.
 //!
 //! Base and rover are corrected by the same models with the same products:
 //!
 //! P_c = P + c·dT_s − I − T + group delay correction.
 //!
-//! At the base the range ρ_b = |r_s − r_b| is known, so what the models leave there can be seen. The correction of a satellite's signal is
-//! what is left, less what all signals of its constellation and band have in common, which is the base's clock:
+//! At the base the range ρ_b = |r_s − r_b| is known, so the errors of the models can be observed there. The correction of a signal is the
+//! residual error less the common part of all signals of its constellation and band, which is the base's clock:
 //!
 //! Δ = P_c,b − ρ_b − clock_b,      rover: P_c,r − Δ.
 //!
-//! This is the classical correction P_b + c·dT_s − ρ_b with the model's difference between the two places,
-//! (I_r − I_b) + (T_r − T_b), taken into account: written out, the base's ionosphere and troposphere cancel against the true ones that both
-//! see, and the models only have to know by how much rover and base *differ*. So a long baseline and a difference in height do no
-//! harm, numbers are small, and they age slowly. The group delay is that of the models on both sides and cancels.
+//! This is the classical correction P_b + c·dT_s − ρ_b plus the modelled difference between the two positions, (I_r − I_b) + (T_r − T_b):
+//! the base's true ionosphere and troposphere cancel with the rover's, and the models only need to describe the *difference* between rover
+//! and base. Long baselines and height differences therefore do no harm, and the corrections are small and age slowly. The group delay is
+//! the same on both sides and cancels.
 //!
-//! - The clock that is taken off is a robust weighted mean, so the correction of any one signal tells how it differs from its fellows;
-//!   what is common goes into the rover's own clock of that constellation and band.
-//! - A signal that differs from its fellows at the base by much more than they do among themselves is *refused*: either the base sees
-//!   it wrongly, or the satellite is at fault. It is not used at the rover either.
-//! - Corrections are held, not extrapolated: over a minute they change by less than the noise that a rate from two epochs would bring.
-//! - Another code on the same band of the same satellite is corrected with a larger sigma.
-//! - **Signals without a correction** stay beside corrected ones, on the same clock, with 5 m of sigma more: the corrections' common part is
-//!   zero by construction, so nothing shifts, and a phone between houses cannot spare satellites that a base happens not to track. Under
-//!   an open sky dropping them is better, and can be chosen: a base that tracks GPS only brings a receiver of four systems from
-//!   3.0 m to 1.0 m so, to 0.3 m without the others, and to 0.2 m when it tracks them all (horizontal medians of `tests/differential_recordings.rs`).
-//!   Where nothing is corrected, everything stays as it is.
-//! - Base and rover may fall into the validity of two messages of a satellite, or one of them beyond the precise orbits. The difference of the two, of orbit, clock and
-//!   group delay, goes into the correction.
+//! - The subtracted clock is a robust weighted mean, so the correction of a signal is its difference from the other signals of its group.
+//!   The common part is
+//!   absorbed by the rover's clock of that constellation and band.
+//! - A base signal that differs from its group by much more than the scatter of the group is *refused*: either the base's measurement or
+//!   the
+//!   satellite is faulty. The rover does not use it either.
+//! - Corrections are held, not extrapolated: over a minute they change by less than the noise of a rate from two epochs.
+//! - Another code on the same band of the same satellite is corrected with a larger standard deviation.
+//! - **Signals without a correction** stay beside corrected signals on the same clock, with 5 m added to their standard deviation. The
+//!   corrections have
+//!   zero mean by construction, so nothing shifts, and a phone between houses needs satellites that a base does not track. Under
+//!   an open sky dropping them is better, and is an option: a base that tracks GPS only improves a receiver of four systems from
+//!   3.0 m to 1.0 m with them, to 0.3 m without them, and to 0.2 m if it tracks all (horizontal medians of
+//!   `tests/differential_recordings.rs`).
+//!   If no signal has a correction, everything stays unchanged.
+//! - Base and rover epochs may use different navigation messages of a satellite, or only one of them precise orbits. The difference in
+//!   orbit, clock and
+//!   group delay is added to the correction.
 //!
-//! What receivers add of their own does not cancel: the biases between GLONASS' frequency channels keep their sigma, and the
-//! noise of an ionosphere-free pair its factor, at the base and at the rover.
+//! Errors of the receivers themselves do not cancel: the biases between GLONASS' frequency channels keep their standard deviation, and the
+//! noise of an ionosphere-free pair its amplification, at base and rover.
 //!
-//! Range rates are left alone: what a base could correct in them is millimetres per second.
+//! Range rates are not corrected: their errors at a base are millimetres per second.
 //!
-//! *Not* sound: corrections of different epochs of a base are correlated in time (multipath at the base), which nobody downstream knows.
+//! Limitation: corrections of successive base epochs are correlated (multipath at the base), which later steps neglect.
 //! Classical references: RTCM 10402.3 (message 1); Kaplan and Hegarty, Understanding GPS/GNSS, chapter 12.
 
 mod apply;
@@ -51,43 +56,43 @@ use crate::gnss::ObservationEpoch;
 use crate::orbit::Products;
 use crate::skips::Skips;
 
-/// Epochs of a base that are kept at most.
+/// Maximum number of stored epochs per base.
 const MOST_EPOCHS: usize = 1_000;
 
-/// Variance of an observation's code by a model, m². Of a pair both signals count as equally strong.
+/// Variance of an observation's code by a model, m². The two signals of a pair count as equally strong.
 fn code_variance_m2(model: VarianceModel, observation: &CorrectedObservation) -> f64 {
     model.variance(observation.cn0_dbhz, observation.direction.elevation_rad)
         * variance_factor(observation.signal, observation.satellite.constellation)
 }
 
-/// What the differential corrections may be told.
+/// Options of the differential corrections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DifferentialOptions {
-    /// Corrections older than this are not used, s.
+    /// Maximum age of a correction, s.
     pub maximum_age_s: f64,
     /// Variance of the base's code, m².
     pub base_code: VarianceModel,
-    /// How fast the standard deviation grows with the correction's age, m/s.
+    /// Growth of the standard deviation with the age of the correction, m/s.
     pub age_sigma_mps: f64,
-    /// How fast it grows with the distance between rover and base, m/m at the zenith; more near the horizon, with 1/sin e.
+    /// Growth of the standard deviation with the distance between rover and base, m/m at the zenith, times 1/sin e.
     pub distance_sigma: f64,
-    /// Standard deviation that the correction of another code on the same band adds, m.
+    /// Additional standard deviation of a correction from another code on the same band, m.
     pub other_code_sigma_m: f64,
-    /// What becomes of signals without a correction beside others that have one.
+    /// Treatment of signals without a correction beside corrected signals.
     pub uncorrected: Uncorrected,
-    /// Robust standard deviations from the median of its group beyond which a base's signal is refused.
+    /// Limit for refusing a base's signal, in robust standard deviations from the median of its group.
     pub outlier_sigmas: f64,
 }
 
-/// What becomes of signals without a correction beside others that have one.
+/// Treatment of signals without a correction beside corrected signals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Uncorrected {
-    /// They stay, with this standard deviation more, m.
+    /// They are used with a larger standard deviation.
     Kept {
-        /// The standard deviation that is added.
+        /// Additional standard deviation, m.
         sigma_m: f64,
     },
-    /// They are left out.
+    /// They are not used.
     Dropped,
 }
 
@@ -105,23 +110,23 @@ impl Default for DifferentialOptions {
     }
 }
 
-/// What happened to the observations of rover epochs.
+/// Counts of rover observations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DifferentialCounts {
     /// Corrected with the same signal.
     pub corrected: u64,
     /// Corrected with another code of the same band.
     pub other_code: u64,
-    /// The base does not have the signal.
+    /// Signal missing at the base.
     pub missing: u64,
-    /// The base's last epoch is too old.
+    /// Last epoch of the base too old.
     pub too_old: u64,
-    /// The base's own value is refused, and the observation dropped.
+    /// Value of the base refused and observation dropped.
     pub refused: u64,
 }
 
 impl DifferentialCounts {
-    /// Adds another's counts.
+    /// Adds other counts.
     pub const fn add(&mut self, other: Self) {
         self.corrected += other.corrected;
         self.other_code += other.other_code;
@@ -131,29 +136,29 @@ impl DifferentialCounts {
     }
 }
 
-/// What [`Differential::apply`] did with one epoch; it counts only if that position stands.
+/// Result of [`Differential::apply`] for one epoch, valid only if the rover position is final.
 #[derive(Clone, Debug, Default)]
 pub struct Applied {
-    /// How many of what.
+    /// Counts of the epoch.
     pub counts: DifferentialCounts,
-    /// What was left out or used with less than a correction, by reason.
+    /// Counts of dropped or incompletely corrected observations by reason.
     pub skips: Skips,
 }
 
-/// Corrections of one or several bases.
+/// Differential corrections from one or several bases.
 #[derive(Clone, Debug)]
 pub struct Differential {
     corrector: Corrector,
     products: Arc<Products>,
     correction: CorrectionOptions,
     options: DifferentialOptions,
-    /// By the number that the caller gives them; epochs in order of time.
+    /// Epochs in order of time by base number.
     bases: Vec<VecDeque<BaseEpoch>>,
     skips: Skips,
 }
 
 impl Differential {
-    /// No base yet. Masks and models of the bases are those of the rover.
+    /// Corrections without bases. The bases use the rover's masks and models.
     pub fn new(products: Arc<Products>, correction: CorrectionOptions, options: DifferentialOptions) -> Self {
         Self {
             corrector: Corrector::new(Arc::clone(&products), correction.clone()),
@@ -165,7 +170,7 @@ impl Differential {
         }
     }
 
-    /// Goes on with other products; what was computed from the former ones is computed again.
+    /// Replaces the products and discards the corrections computed with the former ones.
     pub fn set_products(&mut self, products: Arc<Products>) {
         self.corrector.set_products(Arc::clone(&products));
         self.products = products;
@@ -174,8 +179,8 @@ impl Differential {
         }
     }
 
-    /// Takes an epoch of base number `base`, whose antenna is at `position`. Epochs that come late, or with a date that
-    /// is far off, find their place among the others.
+    /// Takes an epoch of base number `base` with its antenna at `position`. Late epochs, and epochs with a wrong date, are inserted in
+    /// order of time.
     pub fn add(&mut self, base: usize, epoch: ObservationEpoch, position: Ecef) {
         if self.bases.len() <= base {
             self.bases.resize_with(base + 1, VecDeque::new);
@@ -189,12 +194,12 @@ impl Differential {
         epochs.insert(at, BaseEpoch::new(epoch, position));
     }
 
-    /// Whether there is any base epoch.
+    /// Whether there is no base epoch.
     pub fn is_empty(&self) -> bool {
         self.bases.iter().all(VecDeque::is_empty)
     }
 
-    /// What was skipped at the bases so far, by reason.
+    /// Counts of skips at the bases by reason.
     pub fn skips(&self) -> Skips {
         let mut all = self.skips.clone();
         all.merge(&self.corrector.skips().with_prefix("base: "));

@@ -6,7 +6,7 @@ use crate::skips::Reason;
 
 const RANGE_M: f64 = 1_000.0;
 
-/// A satellite's signal with a pseudorange of 1 km and `delay_l1_m` in the ionosphere.
+/// A signal with a pseudorange of 1 km and an L1 ionospheric delay of `delay_l1_m`.
 fn signal(satellite: &str, [band, attribute]: [u8; 2], delay_l1_m: f64) -> PreparedObservation {
     let satellite: SatelliteId = satellite.parse().unwrap();
     let signal = SignalCode::new(band, attribute);
@@ -63,7 +63,7 @@ fn the_ionosphere_cancels() {
     assert!(skips.is_empty(), "{skips}");
 }
 
-/// A delay of one signal alone, as that of the receiver, comes out of a pair with the pair's factor, the same for all.
+/// A delay of one signal, such as the receiver's, enters every pair with the same factor.
 #[test]
 fn other_delays_stay_and_are_the_same_for_every_satellite() {
     let clock = |satellite: &str| {
@@ -122,7 +122,7 @@ fn variances_are_propagated() {
     assert!((equal - 2.588).abs() < 1e-3, "{equal}");
 }
 
-/// What is known of an observation afterwards, its name, tells the same factor.
+/// The factor of the variance also follows from the signal code of the pair.
 #[test]
 fn the_factor_of_the_variance_follows_from_the_name() {
     for (satellite, codes) in [
