@@ -1,12 +1,12 @@
 //! A reference trajectory as text, as [`super::Truth::parse_csv`] reads it.
 
-use super::truth::{COLUMNS, TruthPoint};
+use super::truth::{TRUTH_COLUMNS, TruthPoint};
 use crate::frames::LocalFrame;
 use crate::time::GpsTime;
 
 /// The line that names the columns.
 pub fn truth_csv_header() -> String {
-    COLUMNS.join(",") + "\n"
+    TRUTH_COLUMNS.join(",") + "\n"
 }
 
 /// A row: times to a microsecond, positions to 0.01 mm, velocities to 0.01 mm/s.
