@@ -237,7 +237,11 @@ fn precise_clock_s(orbit: &Orbit, time: GpsTime) -> f64 {
 }
 
 fn sp3() -> Sp3 {
-    let times = (-12..=12).map(|k| week_start() + 300.0 * f64::from(k));
+    sp3_between(-12, 12, 300.0)
+}
+
+fn sp3_between(first: i32, last: i32, interval_s: f64) -> Sp3 {
+    let times = (first..=last).map(|k| week_start() + interval_s * f64::from(k));
     let positions = times
         .flat_map(|time| {
             orbits().into_iter().map(move |orbit| Sp3Position {
@@ -248,7 +252,7 @@ fn sp3() -> Sp3 {
             })
         })
         .collect();
-    Sp3 { interval_s: 300.0, epochs: 25, positions, skips: Skips::default() }
+    Sp3 { interval_s, epochs: usize::try_from(last - first + 1).unwrap(), positions, skips: Skips::default() }
 }
 
 /// The same orbits with clocks that a network has on another time scale.
@@ -626,21 +630,6 @@ fn differential_corrections_close_when_galileo_changes_to_another_message() {
         // The atmosphere changes by a little in ten seconds.
         assert!(spreads.values().all(|(_, spread_m)| *spread_m < 0.01), "{spreads:?}");
     }
-}
-
-fn sp3_between(first: i32, last: i32, interval_s: f64) -> Sp3 {
-    let times = (first..=last).map(|k| week_start() + interval_s * f64::from(k));
-    let positions = times
-        .flat_map(|time| {
-            orbits().into_iter().map(move |orbit| Sp3Position {
-                satellite: orbit.satellite(),
-                time,
-                position: orbit.state(time).position,
-                clock_s: Some(precise_clock_s(&orbit, time)),
-            })
-        })
-        .collect();
-    Sp3 { interval_s, epochs: 1, positions, skips: Skips::default() }
 }
 
 /// In which order files are named changes nothing, when they do not contradict each other.

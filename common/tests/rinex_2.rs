@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
 mod beside;
+#[macro_use]
+mod navigation_records;
 
 use std::fmt::Write as _;
 
@@ -181,17 +183,12 @@ fn the_glonass_example_is_read() {
     assert!((r04.position.0.x - 5_621_366.210_94).abs() < 1e-6 && r04.health == Some(0));
 }
 
-const GPS: &str = "     2.10           N: GPS NAV DATA                         RINEX VERSION / TYPE
+const GPS: &str = concat!(
+    "     2.10           N: GPS NAV DATA                         RINEX VERSION / TYPE
                                                             END OF HEADER
- 1 05  4  2  2  0  0.0 3.966595977540D-04 1.705302565820D-12 0.000000000000D+00
-    1.400000000000D+02-5.218750000000D+01 4.026596389650D-09 2.871534990340D+00
-   -2.676621079440D-06 5.957618006510D-03 4.174187779430D-06 5.153636478420D+03
-    5.256000000000D+05 1.061707735060D-07-2.493184817740D+00-9.313225746150D-08
-    9.833919144490D-01 3.093750000000D+02-1.650496813270D+00-7.889971342930D-09
-   -8.571785642400D-12 1.000000000000D+00 1.316000000000D+03 0.000000000000D+00
-    1.000000000000D+00 0.000000000000D+00-3.259629011150D-09 3.960000000000D+02
-    5.195760000000D+05
-";
+",
+    gps_2!(),
+);
 
 /// A Galileo or QZSS record of RINEX 3 in the form of RINEX 2.12, with the system's letter or without.
 fn as_2(record: &str, lettered: bool) -> String {

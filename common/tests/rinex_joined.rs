@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)] // helpers of tests
 
 mod hatanaka_encoder;
+#[macro_use]
+mod navigation_records;
 
 use cofix_common::formats::decode::Decoder;
 use cofix_common::formats::rinex::{NavigationDecoder, ObservationFile};
@@ -78,13 +80,7 @@ fn line_ends_turned_again_and_again_are_line_ends() {
     assert_eq!(file.epochs, plain.epochs);
 }
 
-const GLONASS_2: &str = "     2.01           GLONASS NAV DATA                        RINEX VERSION / TYPE
-                                                            END OF HEADER
- 4 98  2 15  0 15  0.0 0.179599039257D-03 0.636646291241D-11 0.122400000000D+05
-    0.562136621094D+04-0.289074897766D+00-0.931322574615D-09 0.000000000000D+00
-   -0.236819248047D+05 0.102263259888D+01 0.931322574615D-09 0.120000000000D+02
-    0.762532910156D+04 0.339257907867D+01 0.000000000000D+00 0.300000000000D+01
-";
+const GLONASS_2: &str = glonass_file_2!();
 
 const GPS_3: &str = "     3.04           N: GNSS NAV DATA    M: MIXED            RINEX VERSION / TYPE
                                                             END OF HEADER

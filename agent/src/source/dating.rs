@@ -7,8 +7,9 @@ use std::io;
 use std::path::Path;
 use std::time::SystemTime;
 
-use cofix_common::formats::format::{self, Format};
+use cofix_common::formats::format::Format;
 use cofix_common::formats::rtcm::{Dating, DatingHint, FIRST_WEEK, StreamDates};
+use cofix_common::formats::stream::recognise_text;
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use cofix_common::time::leap_seconds_at;
@@ -46,8 +47,7 @@ fn look_through(path: &Path, hint: DatingHint) -> io::Result<Option<StreamDates>
     let (mut buffer, mut is_first) = (Vec::new(), true);
     // What is damaged is told where the file is read.
     while let Ok(Portion::Bytes) = bytes.next(&mut buffer, &Stop::default()) {
-        let is_text =
-            is_first && !matches!(format::recognise_text(&buffer, false), None | Some(Format::Rtcm3));
+        let is_text = is_first && !matches!(recognise_text(&buffer, false), None | Some(Format::Rtcm3));
         dating.feed(&buffer);
         if is_text || dating.is_hopeless() {
             return Ok(None);

@@ -7,6 +7,6 @@ mod truth_table;
 
 pub use score::{Accuracy, Solution, Spans, score};
 pub use shift::{TimeShift, time_shift};
+pub use truth::{TRUTH_COLUMNS, Truth, TruthError, TruthPoint};
 pub(crate) use truth::{TableRow, TruthPosition};
-pub use truth::{Truth, TruthError, TruthPoint};
 pub use truth_table::{truth_csv_header, truth_csv_row};

@@ -55,7 +55,8 @@ pub enum TruthError {
 /// stays below it.
 const VELOCITY_TOLERANCE_MPS: f64 = 3.0;
 
-pub(super) const COLUMNS: [&str; 9] = [
+/// The columns of a truth table.
+pub const TRUTH_COLUMNS: [&str; 9] = [
     "gps_week",
     "gps_tow_s",
     "latitude_deg",
@@ -147,8 +148,8 @@ impl Truth {
         let mut reader =
             csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(content(bytes));
         let header = reader.byte_headers().cloned().unwrap_or_default();
-        if let Some(column) = COLUMNS.into_iter().find(|c| !header.iter().any(|h| h == c.as_bytes())) {
-            return Err(TruthError::Column { column, expected: COLUMNS.join(", ") });
+        if let Some(column) = TRUTH_COLUMNS.into_iter().find(|c| !header.iter().any(|h| h == c.as_bytes())) {
+            return Err(TruthError::Column { column, expected: TRUTH_COLUMNS.join(", ") });
         }
         Self::from_table(
             reader.deserialize().map(|row| row.map_err(|error| error.to_string())),

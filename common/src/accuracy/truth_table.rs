@@ -1,12 +1,12 @@
 //! Text form of a truth, as read by [`super::Truth::parse_csv`].
 
-use super::truth::{COLUMNS, TruthPoint};
+use super::truth::{TRUTH_COLUMNS, TruthPoint};
 use crate::frames::LocalFrame;
 use crate::time::GpsTime;
 
 /// Header line with the names of the columns.
 pub fn truth_csv_header() -> String {
-    COLUMNS.join(",") + "\n"
+    TRUTH_COLUMNS.join(",") + "\n"
 }
 
 /// Row with times to a microsecond, positions to 0.01 mm and velocities to 0.01 mm/s.

@@ -1,7 +1,7 @@
 //! What a file is that was named in the wrong place, by its beginning, and where it goes.
 
-use super::format::recognise_text;
 use super::gsdc;
+use super::stream::table::recognise_text;
 use super::text::content;
 
 /// As errors name what observations are expected in.

@@ -77,12 +77,8 @@ fn klobuchar(k: &KlobucharCoefficients) -> [i64; 8] {
     terms.map(|(value, exponent)| units(value, exponent))
 }
 
-/// Subframes 1 to 3 of D1, of which the first begins at `sent`.
-pub fn d1(e: &KeplerEphemeris, k: &KlobucharCoefficients, sent: GpsTime) -> [[u32; 10]; 3] {
-    let (week, seconds) = beidou_time(sent);
-    #[allow(clippy::cast_possible_truncation)]
-    let begin = |number: i64| start(number, (seconds + 6 * (number - 1)) % SECONDS_PER_WEEK as i64);
-    let mut one = begin(1);
+/// What the first piece of both messages begins with: from the health to the group delays.
+fn put_head(one: &mut Bits, e: &KeplerEphemeris, week: i64) {
     #[allow(clippy::cast_possible_truncation)]
     let health = e.health as i64;
     one.put(health, 1)
@@ -91,6 +87,15 @@ pub fn d1(e: &KeplerEphemeris, k: &KlobucharCoefficients, sent: GpsTime) -> [[u3
         .put(week, 13)
         .put(eighths(e.toc), 17);
     one.put(tenths_of_ns(e.group_delays_s.0), 10).put(tenths_of_ns(e.group_delays_s.1), 10);
+}
+
+/// Subframes 1 to 3 of D1, of which the first begins at `sent`.
+pub fn d1(e: &KeplerEphemeris, k: &KlobucharCoefficients, sent: GpsTime) -> [[u32; 10]; 3] {
+    let (week, seconds) = beidou_time(sent);
+    #[allow(clippy::cast_possible_truncation)]
+    let begin = |number: i64| start(number, (seconds + 6 * (number - 1)) % SECONDS_PER_WEEK as i64);
+    let mut one = begin(1);
+    put_head(&mut one, e, week);
     for term in klobuchar(k) {
         one.put(term, 8);
     }
@@ -121,14 +126,8 @@ pub fn d2(e: &KeplerEphemeris, k: &KlobucharCoefficients, sent: GpsTime) -> [[u3
     };
     let mut pages: [Bits; 10] = std::array::from_fn(|k| begin(i64::try_from(k).unwrap() + 1));
     let [one, two, three, four, five, six, seven, eight, nine, ten] = &mut pages;
-    #[allow(clippy::cast_possible_truncation)]
-    let health = e.health as i64;
-    one.put(health, 1)
-        .put(e.issue_of_clock.into(), 5)
-        .put(accuracy_index(e), 4)
-        .put(week, 13)
-        .put(eighths(e.toc), 17);
-    one.put(tenths_of_ns(e.group_delays_s.0), 10).put(tenths_of_ns(e.group_delays_s.1), 10).put(0, 12);
+    put_head(one, e, week);
+    one.put(0, 12);
     for term in klobuchar(k) {
         two.put(term, 8);
     }

@@ -20,6 +20,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use cofix_agent::files::{Named, OutputFile};
+use cofix_common::accuracy::TRUTH_COLUMNS;
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Enu, LocalFrame};
 use cofix_common::fusion::engine::FusedEpoch;
@@ -31,28 +32,31 @@ use nalgebra::Matrix3;
 use crate::outputs::{Fused, Opening, Sink, Written};
 use crate::report::satellites_used;
 
-/// The columns.
-pub const COLUMNS: [&str; 19] = [
-    "gps_week",
-    "gps_tow_s",
-    "phone",
-    "latitude_deg",
-    "longitude_deg",
-    "ellipsoidal_height_m",
-    "velocity_north_mps",
-    "velocity_east_mps",
-    "velocity_up_mps",
-    "quality",
-    "sigma_north_m",
-    "sigma_east_m",
-    "sigma_up_m",
-    "sigma_velocity_north_mps",
-    "sigma_velocity_east_mps",
-    "sigma_velocity_up_mps",
-    "satellites",
-    "verdict",
-    "method",
-];
+/// The columns: those of a truth table, the phone after the time, and more.
+pub const COLUMNS: [&str; 19] = {
+    let [week, tow, latitude, longitude, height, north, east, up, quality] = TRUTH_COLUMNS;
+    [
+        week,
+        tow,
+        "phone",
+        latitude,
+        longitude,
+        height,
+        north,
+        east,
+        up,
+        quality,
+        "sigma_north_m",
+        "sigma_east_m",
+        "sigma_up_m",
+        "sigma_velocity_north_mps",
+        "sigma_velocity_east_mps",
+        "sigma_velocity_up_mps",
+        "satellites",
+        "verdict",
+        "method",
+    ]
+};
 
 /// Writes the table.
 pub struct PositionTable<W: Write> {

@@ -2,7 +2,7 @@
 //! masks are those of the log.
 
 use super::columns::Optional;
-use super::row::{Fault, Fields};
+use super::fields::{Fault, Fields};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::formats::android::MULTIPATH_DETECTED;
 use crate::formats::gnsslogger::Masks;

@@ -9,6 +9,7 @@
 
 mod columns;
 mod derived;
+mod fields;
 mod losses;
 mod masks;
 mod row;

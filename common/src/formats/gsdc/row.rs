@@ -1,14 +1,12 @@
 //! One row: its fields to numbers, checked against what can be.
 
-use std::ops::RangeInclusive;
-
 use super::columns::{Columns, Optional, Required};
+use super::fields::{Fault, Fields, MAX_NANOS, shorten};
 use super::times::{Shift, Times, times};
 use super::{masks, signal};
 use crate::constants::SPEED_OF_LIGHT_MPS;
-use crate::formats::android::{self, RangeState};
+use crate::formats::android::RangeState;
 use crate::formats::gnsslogger::Masks;
-use crate::formats::integer::integer;
 use crate::formats::lost_locks::SignalKey;
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::{
@@ -29,9 +27,6 @@ const MAX_DELAY_M: f64 = 500.0;
 const ORBIT_SIGMA_M: f64 = 0.5;
 /// Largest standard deviation of a pseudorange that a phone states, m, and the smallest that is believed.
 const CODE_SIGMA_BOUNDS_M: (f64, f64) = (0.1, 1e5);
-/// Highest time that a 64-bit count of nanoseconds since 1980 leaves room to calculate with.
-pub(super) const MAX_NANOS: i64 = i64::MAX / 2;
-
 /// A row that was read.
 #[derive(Clone, Debug)]
 pub(super) struct Row {
@@ -47,73 +42,6 @@ pub(super) struct Row {
     pub(super) channel_only: Option<i8>,
     /// Why there are no corrections, if there are none.
     pub(super) lack: Option<String>,
-}
-
-/// Why a row gives nothing.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Fault {
-    /// Reason to count under.
-    pub(super) reason: Reason,
-    /// Column and value.
-    pub(super) detail: String,
-}
-
-/// A row's fields by column.
-pub(super) struct Fields<'a> {
-    pub(super) columns: &'a Columns,
-    fields: &'a [&'a str],
-}
-
-impl Fields<'_> {
-    fn text(&self, column: Required) -> &str {
-        self.columns.required(self.fields, column)
-    }
-
-    /// A number that must be there, and within bounds.
-    fn number(&self, column: Required, bounds: RangeInclusive<f64>) -> Result<f64, Fault> {
-        let text = self.text(column);
-        let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
-        let name = self.columns.name(column);
-        let value = value.ok_or_else(|| Fault {
-            reason: Reason::ValueMissing,
-            detail: format!("{name} '{}'", shorten(text)),
-        })?;
-        if bounds.contains(&value) {
-            return Ok(value);
-        }
-        Err(Fault {
-            reason: Reason::ImpossibleValue,
-            detail: format!("{name} = {value}, limits {} to {}", bounds.start(), bounds.end()),
-        })
-    }
-
-    fn symmetric(&self, column: Required, limit: f64) -> Result<f64, Fault> {
-        self.number(column, -limit..=limit)
-    }
-
-    /// A whole number of nanoseconds or milliseconds.
-    pub(super) fn count(&self, column: Required, limit: i64) -> Result<i64, Fault> {
-        let text = self.text(column);
-        let value = integer(text).filter(|value| (0..=limit).contains(value));
-        value.ok_or_else(|| Fault {
-            reason: Reason::TimeMissing,
-            detail: format!("{} '{}'", self.columns.name(column), shorten(text)),
-        })
-    }
-
-    /// A number where there is one.
-    pub(super) fn optional(&self, column: Optional) -> Option<f64> {
-        self.columns.optional(self.fields, column).parse().ok().filter(|value: &f64| value.is_finite())
-    }
-
-    /// A word of bits where there is one.
-    pub(super) fn bits(&self, column: Optional) -> Option<u32> {
-        integer(self.columns.optional(self.fields, column)).and_then(android::bits)
-    }
-}
-
-fn shorten(text: &str) -> String {
-    text.chars().take(40).collect()
 }
 
 /// Reads a row.

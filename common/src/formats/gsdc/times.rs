@@ -1,7 +1,7 @@
 //! When the signals of a row came: its epoch against transmission and pseudorange.
 
 use super::columns::{Generation, Required};
-use super::row::{Fault, Fields, MAX_NANOS};
+use super::fields::{Fault, Fields, MAX_NANOS};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::formats::time_order::LONG_STEP_S;
 use crate::skips::Reason;

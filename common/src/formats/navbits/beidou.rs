@@ -63,8 +63,7 @@ impl BeidouAssembler {
     ) -> Result<Option<KeplerEphemeris>, Refused> {
         let geostationary = satellite.is_beidou_geostationary();
         let (used, step_s) = if geostationary { (D2_WORDS, D2_STEP_S) } else { (D1_WORDS, D1_STEP_S) };
-        let data = data(bytes, used, receiver)
-            .map_err(|r| refused(r.reason, format!("{satellite}: {}", r.detail)))?;
+        let data = data(bytes, used, receiver).map_err(|refused| refused.of(satellite))?;
         let sent = sent(&data, satellite, now)?;
         let Some(index) = piece_index(&data, satellite)? else { return Ok(None) };
         if index == if geostationary { D2_IONOSPHERE_PAGE } else { 0 } {

@@ -1,8 +1,7 @@
 //! Galileo F/NAV pages to ephemerides (Galileo OS SIS ICD 2.1, 4.2 and 5.1).
 
-use std::collections::BTreeMap;
-
-use super::galileo_time::{check_week, reference};
+use super::galileo_time::{check_number, check_week, reference};
+use super::pieces::Pieces;
 use super::{ReceiverCheck, Refused, news, refused};
 use crate::formats::bits::{angle, crc24q_of_bits, number, positive, unsigned};
 use crate::gnss::SatelliteId;
@@ -21,14 +20,7 @@ type Page = [u8; PAGE_BYTES];
 /// Puts F/NAV pages 1 to 4 together. One serves all satellites.
 #[derive(Clone, Debug, Default)]
 pub struct FnavAssembler {
-    satellites: BTreeMap<SatelliteId, Pages>,
-}
-
-/// The latest pages 1 to 4 of a satellite.
-#[derive(Clone, Debug, Default)]
-struct Pages {
-    pages: [Option<Page>; 4],
-    given: Option<KeplerEphemeris>,
+    pages: Pieces<Page, 4>,
 }
 
 impl FnavAssembler {
@@ -44,13 +36,17 @@ impl FnavAssembler {
         receiver: ReceiverCheck,
         now: GpsTime,
     ) -> Result<Option<KeplerEphemeris>, Refused> {
-        let page =
-            checked(bytes, receiver).map_err(|r| refused(r.reason, format!("{satellite}: {}", r.detail)))?;
-        let kind = usize::try_from(unsigned(&page, 0, 6)).unwrap_or_default();
-        let pages = self.satellites.entry(satellite).or_default();
-        let Some(place) = kind.checked_sub(1).and_then(|k| pages.pages.get_mut(k)) else { return Ok(None) };
-        *place = Some(page);
-        pages.complete(satellite, now)
+        let page = checked(bytes, receiver).map_err(|refused| refused.of(satellite))?;
+        let number = unsigned(&page, 0, 6);
+        let Some((pages, given)) = self.pages.put(satellite, number, page) else { return Ok(None) };
+        let [one, two, three, four] = &pages;
+        let issue = unsigned(one, 12, 10);
+        if [two, three, four].iter().any(|page| unsigned(*page, 6, 10) != issue) {
+            return Ok(None);
+        }
+        check_number(satellite, unsigned(one, 6, 6), Reason::FNavPagesOfOtherSatellite)?;
+        check_week(satellite, unsigned(one, 155, 12), now)?;
+        news(given, ephemeris(satellite, &pages, now)?)
     }
 }
 
@@ -75,23 +71,6 @@ fn checked(bytes: &[u8], receiver: ReceiverCheck) -> Result<Page, Refused> {
 /// The CRC that was sent.
 fn crc_of(page: &Page) -> u64 {
     unsigned(page, CHECKED, 24)
-}
-
-impl Pages {
-    fn complete(&mut self, satellite: SatelliteId, now: GpsTime) -> Result<Option<KeplerEphemeris>, Refused> {
-        let [Some(one), Some(two), Some(three), Some(four)] = self.pages else { return Ok(None) };
-        let issue = unsigned(&one, 12, 10);
-        if [two, three, four].iter().any(|page| unsigned(page, 6, 10) != issue) {
-            return Ok(None);
-        }
-        let named = unsigned(&one, 6, 6);
-        if named != u64::from(satellite.number) {
-            return Err(refused(Reason::FNavPagesOfOtherSatellite, format!("{satellite}: SVID {named}")));
-        }
-        check_week(satellite, unsigned(&one, 155, 12), now)?;
-        let ephemeris = ephemeris(satellite, &[one, two, three, four], now)?;
-        news(&mut self.given, ephemeris)
-    }
 }
 
 /// Section 4.2 of the ICD. Pages count from 1 here, bits from 0.

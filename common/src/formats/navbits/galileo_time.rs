@@ -1,4 +1,4 @@
-//! Weeks and reference times of both Galileo messages.
+//! Satellites, weeks and reference times of both Galileo messages.
 
 use super::week::{nearest, rollover_hint};
 use super::{Refused, impossible, refused};
@@ -13,6 +13,14 @@ const WEEK_OFFSET: i64 = 1024;
 const WEEKS: i64 = 4096;
 /// A message is sent for at most some hours after its reference time; this (s) allows for old logs of stored messages.
 const MAX_AGE_S: f64 = 86_400.0;
+
+/// The number as sent must be the satellite's.
+pub(super) fn check_number(satellite: SatelliteId, sent: u64, reason: Reason) -> Result<(), Refused> {
+    if sent == u64::from(satellite.number) {
+        return Ok(());
+    }
+    Err(refused(reason, format!("{satellite}: SVID {sent}")))
+}
 
 /// The week as sent (modulo 4096) must be that of the recording, or one next to it: the message may be older than `now`.
 pub(super) fn check_week(satellite: SatelliteId, sent: u64, now: GpsTime) -> Result<(), Refused> {

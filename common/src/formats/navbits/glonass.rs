@@ -116,7 +116,7 @@ impl GlonassAssembler {
         clock: GlonassClock,
     ) -> Result<Option<GlonassMessage>, Refused> {
         let name = label.name;
-        let with_name = |r: Refused| refused(r.reason, format!("{name}: {}", r.detail));
+        let with_name = |refused: Refused| refused.of(name);
         let string = GlonassString::read(bytes, label.string, label.receiver).map_err(with_name)?;
         if !(1..=STRINGS).contains(&string.number()) {
             let detail = format!("{name}: {}", string.number());

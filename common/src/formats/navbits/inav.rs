@@ -1,10 +1,9 @@
 //! Galileo I/NAV words to ephemerides (Galileo OS SIS ICD 2.1, 4.3.5 and 5.1).
 
-use std::collections::BTreeMap;
-
-use super::galileo_time::{check_week, reference};
+use super::galileo_time::{check_number, check_week, reference};
 use super::inav_page::{Word, word};
-use super::{ReceiverCheck, Refused, news, refused};
+use super::pieces::Pieces;
+use super::{ReceiverCheck, Refused, news};
 use crate::formats::bits::{angle, number, positive, unsigned};
 use crate::gnss::SatelliteId;
 use crate::orbit::{KeplerEphemeris, NavigationMessage, sisa_m};
@@ -14,14 +13,7 @@ use crate::time::GpsTime;
 /// Puts I/NAV words 1 to 5 together. One serves all satellites.
 #[derive(Clone, Debug, Default)]
 pub struct InavAssembler {
-    satellites: BTreeMap<SatelliteId, Words>,
-}
-
-/// The latest words 1 to 5 of a satellite.
-#[derive(Clone, Debug, Default)]
-struct Words {
-    words: [Option<Word>; 5],
-    given: Option<KeplerEphemeris>,
+    words: Pieces<Word, 5>,
 }
 
 impl InavAssembler {
@@ -38,31 +30,18 @@ impl InavAssembler {
         receiver: ReceiverCheck,
         now: GpsTime,
     ) -> Result<Option<KeplerEphemeris>, Refused> {
-        let word =
-            word(bytes, receiver).map_err(|r| refused(r.reason, format!("{satellite}: {}", r.detail)))?;
+        let word = word(bytes, receiver).map_err(|refused| refused.of(satellite))?;
         let Some(word) = word else { return Ok(None) };
-        let kind = usize::try_from(unsigned(&word, 0, 6)).unwrap_or_default();
-        let words = self.satellites.entry(satellite).or_default();
-        let Some(place) = kind.checked_sub(1).and_then(|k| words.words.get_mut(k)) else { return Ok(None) };
-        *place = Some(word);
-        words.complete(satellite, now)
-    }
-}
-
-impl Words {
-    fn complete(&mut self, satellite: SatelliteId, now: GpsTime) -> Result<Option<KeplerEphemeris>, Refused> {
-        let [Some(one), Some(two), Some(three), Some(four), Some(five)] = self.words else { return Ok(None) };
-        let issue = unsigned(&one, 6, 10);
-        if [two, three, four].iter().any(|word| unsigned(word, 6, 10) != issue) {
+        let number = unsigned(&word, 0, 6);
+        let Some((words, given)) = self.words.put(satellite, number, word) else { return Ok(None) };
+        let [one, two, three, four, five] = &words;
+        let issue = unsigned(one, 6, 10);
+        if [two, three, four].iter().any(|word| unsigned(*word, 6, 10) != issue) {
             return Ok(None);
         }
-        let named = unsigned(&four, 16, 6);
-        if named != u64::from(satellite.number) {
-            return Err(refused(Reason::INavWordsOfOtherSatellite, format!("{satellite}: SVID {named}")));
-        }
-        check_week(satellite, unsigned(&five, 73, 12), now)?;
-        let ephemeris = ephemeris(satellite, &[one, two, three, four, five], now)?;
-        news(&mut self.given, ephemeris)
+        check_number(satellite, unsigned(four, 16, 6), Reason::INavWordsOfOtherSatellite)?;
+        check_week(satellite, unsigned(five, 73, 12), now)?;
+        news(given, ephemeris(satellite, &words, now)?)
     }
 }
 

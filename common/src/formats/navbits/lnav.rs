@@ -1,8 +1,7 @@
 //! LNAV subframes to ephemerides (IS-GPS-200, 20.3.3; IS-QZSS-PNT has the same layout).
 
-use std::collections::BTreeMap;
-
 use super::lnav_words::{Data, data};
+use super::pieces::Pieces;
 use super::week::nearest;
 use super::{ReceiverCheck, Refused, check_references, news, refused};
 use crate::atmosphere::KlobucharCoefficients;
@@ -30,18 +29,11 @@ pub struct LnavSystem {
 /// Puts subframes together. One serves all satellites.
 #[derive(Clone, Debug, Default)]
 pub struct LnavAssembler {
-    satellites: BTreeMap<SatelliteId, Frames>,
+    subframes: Pieces<Subframe, 3>,
     system: LnavSystem,
 }
 
-/// The latest subframes 1, 2 and 3 of a satellite.
-#[derive(Clone, Debug, Default)]
-struct Frames {
-    orbit_and_clock: [Option<Subframe>; 3],
-    given: Option<KeplerEphemeris>,
-}
-
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Subframe {
     data: Data,
     sent: GpsTime,
@@ -60,20 +52,14 @@ impl LnavAssembler {
         receiver: ReceiverCheck,
         now: GpsTime,
     ) -> Result<Option<KeplerEphemeris>, Refused> {
-        let data =
-            data(bytes, receiver).map_err(|r| refused(r.reason, format!("{satellite}: {}", r.detail)))?;
+        let data = data(bytes, receiver).map_err(|refused| refused.of(satellite))?;
         let number = unsigned(&data, 24 + 19, 3);
         let sent = sent(&data, satellite, now)?;
         match number {
-            1..=3 => {
-                let frames = self.satellites.entry(satellite).or_default();
-                if let Some(place) =
-                    usize::try_from(number - 1).ok().and_then(|k| frames.orbit_and_clock.get_mut(k))
-                {
-                    *place = Some(Subframe { data, sent });
-                }
-                frames.complete(satellite)
-            }
+            1..=3 => match self.subframes.put(satellite, number, Subframe { data, sent }) {
+                Some((subframes, given)) => complete(satellite, &subframes, given),
+                None => Ok(None),
+            },
             4 => {
                 // QZSS sends coefficients that are fitted to Japan alone.
                 if satellite.constellation == Constellation::Gps {
@@ -121,18 +107,19 @@ fn sent(data: &Data, satellite: SatelliteId, now: GpsTime) -> Result<GpsTime, Re
     Ok(nearest(next as f64 * 6.0 - 6.0, now))
 }
 
-impl Frames {
-    fn complete(&mut self, satellite: SatelliteId) -> Result<Option<KeplerEphemeris>, Refused> {
-        let [Some(first), Some(second), Some(third)] = self.orbit_and_clock else { return Ok(None) };
-        let issue = unsigned(&second.data, 48, 8);
-        let same_issue = unsigned(&third.data, 216, 8) == issue && unsigned(&first.data, 168, 8) == issue;
-        let together = [second, third].iter().all(|other| (other.sent - first.sent).abs() <= MAX_APART_S);
-        if !same_issue || !together {
-            return Ok(None);
-        }
-        let ephemeris = ephemeris(satellite, &first, &second.data, &third.data)?;
-        news(&mut self.given, ephemeris)
+/// The ephemeris of subframes that belong together.
+fn complete(
+    satellite: SatelliteId,
+    [first, second, third]: &[Subframe; 3],
+    given: &mut Option<KeplerEphemeris>,
+) -> Result<Option<KeplerEphemeris>, Refused> {
+    let issue = unsigned(&second.data, 48, 8);
+    let same_issue = unsigned(&third.data, 216, 8) == issue && unsigned(&first.data, 168, 8) == issue;
+    let together = [second, third].iter().all(|other| (other.sent - first.sent).abs() <= MAX_APART_S);
+    if !same_issue || !together {
+        return Ok(None);
     }
+    news(given, ephemeris(satellite, first, &second.data, &third.data)?)
 }
 
 /// IS-GPS-200, tables 20-I and 20-III, figure 20-1. Positions count data bits only, 24 to a word.

@@ -16,6 +16,7 @@ mod inav;
 mod inav_page;
 mod lnav;
 mod lnav_words;
+mod pieces;
 mod week;
 mod words;
 
@@ -46,6 +47,13 @@ pub enum ReceiverCheck {
     Passed,
     /// Nothing: only our own check counts.
     Unknown,
+}
+
+impl Refused {
+    /// The same with the name of whose piece it is.
+    fn of(self, name: impl std::fmt::Display) -> Self {
+        Self { detail: format!("{name}: {}", self.detail), ..self }
+    }
 }
 
 const fn refused(reason: Reason, detail: String) -> Refused {

@@ -122,8 +122,15 @@ impl Hatanaka {
             Expected::Epoch if self.form == Form::Three && line.first() == Some(&b'&') => {
                 skips.add(Reason::HatanakaEscapeLine, || format!("line {number}: '{}'", shorten(line)));
             }
-            Expected::Epoch => self.epoch((number, line), types, out, skips),
-            _ if restarts => self.epoch((number, line), types, out, skips),
+            _ if restarts || matches!(self.expected, Expected::Epoch) => {
+                if !self.epoch(line, types, out) {
+                    skips.add(Reason::HatanakaEpochLineUnreadable, || {
+                        format!("line {number}: '{}'", shorten(line))
+                    });
+                    self.epoch.clear();
+                    self.expected = Expected::Restart;
+                }
+            }
             // The receiver clock's offset is not used.
             Expected::Clock => {
                 self.put_epoch(out);
@@ -135,7 +142,7 @@ impl Hatanaka {
                 }
                 self.expected = self.satellite_after(Some(index));
             }
-            Expected::Event(_) | Expected::Restart => {
+            Expected::Epoch | Expected::Event(_) | Expected::Restart => {
                 skips.add(Reason::HatanakaLineNotRestored, || format!("line {number}: '{}'", shorten(line)));
             }
         }
@@ -150,13 +157,8 @@ impl Hatanaka {
         Expected::Epoch
     }
 
-    fn epoch(
-        &mut self,
-        (number, line): (u64, &[u8]),
-        types: impl Fn([u8; 3]) -> usize,
-        out: &mut Vec<u8>,
-        skips: &mut Skips,
-    ) {
+    /// Takes an epoch line; false if it cannot be read.
+    fn epoch(&mut self, line: &[u8], types: impl Fn([u8; 3]) -> usize, out: &mut Vec<u8>) -> bool {
         let restarts = line.first() == Some(&self.form.restart());
         let mut text = if restarts { line.to_vec() } else { self.epoch.clone() };
         if !restarts {
@@ -194,14 +196,9 @@ impl Hatanaka {
                 };
                 self.expected = if count > 0 { Expected::Event(count) } else { Expected::Epoch };
             }
-            _ => {
-                skips.add(Reason::HatanakaEpochLineUnreadable, || {
-                    format!("line {number}: '{}'", shorten(line))
-                });
-                self.epoch.clear();
-                self.expected = Expected::Restart;
-            }
+            _ => return false,
         }
+        true
     }
 
     /// The epoch line as RINEX has it.

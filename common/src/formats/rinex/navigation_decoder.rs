@@ -1,10 +1,14 @@
 //! Navigation files line by line.
 
+use std::collections::VecDeque;
+
 use super::RinexError;
 use super::glonass_record::glonass_ephemeris;
 use super::navigation_header::NavigationHeader;
 use super::navigation_record::{Fault, Record, ephemeris};
-use super::stream::Stream;
+use super::stream::{Line, LineDecoder, Stream, kept};
+use crate::formats::decode;
+use crate::formats::lines::each_line;
 use crate::formats::text::{columns, is_blank, shorten, trim_end, without_mark};
 use crate::gnss::Constellation;
 use crate::orbit::{GlonassEphemeris, IonosphereTerms, KeplerEphemeris};
@@ -23,8 +27,8 @@ pub struct NavigationDecoder {
     has_begun: bool,
     kind: Kind,
     record: Option<Record>,
-    pub(super) skips: Skips,
-    pub(super) stream: Stream,
+    skips: Skips,
+    stream: Stream,
 }
 
 /// What the record is by the type line of RINEX 4; of RINEX 2 and 3 always an ephemeris.
@@ -192,6 +196,46 @@ impl NavigationDecoder {
             });
             self.header.leap_seconds = Some(known);
         }
+    }
+}
+
+impl From<Found> for decode::Record {
+    fn from(found: Found) -> Self {
+        match found {
+            Found::Kepler(_, ephemeris) => Self::Ephemeris(Box::new(ephemeris)),
+            Found::Glonass(ephemeris) => Self::Glonass(Box::new(ephemeris)),
+        }
+    }
+}
+
+impl NavigationDecoder {
+    /// Decodes a whole file.
+    pub(super) fn whole(&mut self, bytes: &[u8], mut take: impl FnMut(Found)) -> Result<(), RinexError> {
+        each_line(bytes, |line| self.take(line).map(|found| found.map_or((), &mut take)))?;
+        self.end().map(|found| found.map_or((), take))
+    }
+
+    fn take(&mut self, line: Line<'_>) -> Result<Option<Found>, RinexError> {
+        let text = kept(line, &mut self.skips);
+        self.line(line.number, text)
+    }
+}
+
+impl LineDecoder for NavigationDecoder {
+    fn stream(&mut self) -> &mut Stream {
+        &mut self.stream
+    }
+
+    fn skips(&self) -> &Skips {
+        Self::skips(self)
+    }
+
+    fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<decode::Record>) -> Result<(), RinexError> {
+        self.take(line).map(|found| ready.extend(found.map(decode::Record::from)))
+    }
+
+    fn end_of_lines(&mut self, ready: &mut VecDeque<decode::Record>) -> Result<(), RinexError> {
+        self.end().map(|found| ready.extend(found.map(decode::Record::from)))
     }
 }
 

@@ -2,13 +2,16 @@
 
 mod body;
 
+use std::collections::VecDeque;
+
 use super::hatanaka::{Form, Hatanaka};
 use super::header::{HeaderBuilder, ObservationHeader};
 use super::observation_record::Layouts;
 use super::pending::{PendingEpoch, PendingEvent, is_comment};
-use super::stream::Stream;
+use super::stream::{Line, LineDecoder, Stream, kept};
 use super::{RinexError, label};
 use crate::formats::decode::Record;
+use crate::formats::lines::each_line;
 use crate::formats::text::{is_blank, lines, shorten, trim_end, without_mark};
 use crate::formats::time_order::TimeOrder;
 use crate::skips::{Reason, Skips};
@@ -39,13 +42,13 @@ pub struct ObservationDecoder {
     layouts: Layouts,
     state: State,
     order: TimeOrder,
-    pub(super) skips: Skips,
+    skips: Skips,
     /// Observations in the epoch before: how much room the next one will need.
     usual_size: usize,
     /// Compact RINEX is turned into RINEX first; of the lines of one, `restored` holds those of the other.
     hatanaka: Option<Hatanaka>,
     restored: Vec<u8>,
-    pub(super) stream: Stream,
+    stream: Stream,
 }
 
 /// What the next line is expected to be.
@@ -215,6 +218,36 @@ impl ObservationDecoder {
     /// What has been skipped so far.
     pub const fn skips(&self) -> &Skips {
         &self.skips
+    }
+}
+
+impl ObservationDecoder {
+    /// Decodes a whole file.
+    pub(super) fn whole(&mut self, bytes: &[u8], take: &mut dyn FnMut(Record)) -> Result<(), RinexError> {
+        each_line(bytes, |line| self.take(line, take))
+    }
+
+    fn take(&mut self, line: Line<'_>, take: &mut dyn FnMut(Record)) -> Result<(), RinexError> {
+        let text = kept(line, &mut self.skips);
+        self.line(line.number, text, take)
+    }
+}
+
+impl LineDecoder for ObservationDecoder {
+    fn stream(&mut self) -> &mut Stream {
+        &mut self.stream
+    }
+
+    fn skips(&self) -> &Skips {
+        Self::skips(self)
+    }
+
+    fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
+        self.take(line, &mut |record| ready.push_back(record))
+    }
+
+    fn end_of_lines(&mut self, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
+        Self::finish(self, &mut |record| ready.push_back(record))
     }
 }
 

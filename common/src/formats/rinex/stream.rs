@@ -2,16 +2,15 @@
 
 use std::collections::VecDeque;
 
-use super::navigation_decoder::Found;
-use super::{NavigationDecoder, ObservationDecoder, RinexError};
+use super::RinexError;
 use crate::formats::decode::{Decoder, Record, WrongStream};
-use crate::formats::lines::{self, LineAssembly, each_line};
+use crate::formats::lines::{self, LineAssembly};
 use crate::skips::{Reason, Skips};
 
 /// Longest line that is read, bytes. Lines of observation files with dozens of types stay below 2000.
 const MAX_LINE_BYTES: usize = 16_384;
 
-type Line<'a> = lines::Line<'a, MAX_LINE_BYTES>;
+pub(super) type Line<'a> = lines::Line<'a, MAX_LINE_BYTES>;
 
 /// What a decoder of lines needs to be one of a stream.
 #[derive(Clone, Debug, Default)]
@@ -74,81 +73,11 @@ fn work<D: LineDecoder>(
 }
 
 /// The text of a line; one that is too long is counted, and an empty one in its place.
-fn kept<'a>(line: Line<'a>, skips: &mut Skips) -> &'a [u8] {
+pub(super) fn kept<'a>(line: Line<'a>, skips: &mut Skips) -> &'a [u8] {
     line.text.unwrap_or_else(|| {
         skips.add(Reason::LineTooLong, || {
             format!("line {}: more than {MAX_LINE_BYTES} bytes; left out", line.number)
         });
         b""
     })
-}
-
-impl ObservationDecoder {
-    /// Decodes a whole file.
-    pub(super) fn whole(&mut self, bytes: &[u8], take: &mut dyn FnMut(Record)) -> Result<(), RinexError> {
-        each_line(bytes, |line| self.take(line, take))
-    }
-
-    fn take(&mut self, line: Line<'_>, take: &mut dyn FnMut(Record)) -> Result<(), RinexError> {
-        let text = kept(line, &mut self.skips);
-        self.line(line.number, text, take)
-    }
-}
-
-impl LineDecoder for ObservationDecoder {
-    fn stream(&mut self) -> &mut Stream {
-        &mut self.stream
-    }
-
-    fn skips(&self) -> &Skips {
-        Self::skips(self)
-    }
-
-    fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
-        self.take(line, &mut |record| ready.push_back(record))
-    }
-
-    fn end_of_lines(&mut self, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
-        Self::finish(self, &mut |record| ready.push_back(record))
-    }
-}
-
-impl From<Found> for Record {
-    fn from(found: Found) -> Self {
-        match found {
-            Found::Kepler(_, ephemeris) => Self::Ephemeris(Box::new(ephemeris)),
-            Found::Glonass(ephemeris) => Self::Glonass(Box::new(ephemeris)),
-        }
-    }
-}
-
-impl NavigationDecoder {
-    /// Decodes a whole file.
-    pub(super) fn whole(&mut self, bytes: &[u8], mut take: impl FnMut(Found)) -> Result<(), RinexError> {
-        each_line(bytes, |line| self.take(line).map(|found| found.map_or((), &mut take)))?;
-        self.end().map(|found| found.map_or((), take))
-    }
-
-    fn take(&mut self, line: Line<'_>) -> Result<Option<Found>, RinexError> {
-        let text = kept(line, &mut self.skips);
-        self.line(line.number, text)
-    }
-}
-
-impl LineDecoder for NavigationDecoder {
-    fn stream(&mut self) -> &mut Stream {
-        &mut self.stream
-    }
-
-    fn skips(&self) -> &Skips {
-        Self::skips(self)
-    }
-
-    fn take_line(&mut self, line: Line<'_>, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
-        self.take(line).map(|found| ready.extend(found.map(Record::from)))
-    }
-
-    fn end_of_lines(&mut self, ready: &mut VecDeque<Record>) -> Result<(), RinexError> {
-        self.end().map(|found| ready.extend(found.map(Record::from)))
-    }
 }

@@ -2,11 +2,12 @@
 
 mod observation_stream;
 pub(super) mod table;
+mod unknown;
 
 use std::collections::BTreeMap;
 
 use super::decode::{Decoder, Record, WrongStream};
-use super::format::{self, Format};
+use super::format::Format;
 use super::gnsslogger;
 use super::phone::PhoneTally;
 use super::rinex::{Equipment, ObservationHeader};
@@ -25,6 +26,14 @@ pub const BYTES_TO_RECOGNISE: usize = 65_536;
 const STARTS_TO_RECOGNISE: u32 = 12;
 
 static NOTHING: Skips = Skips::new();
+
+/// The text format whose beginning this is, if it can be told yet. RTCM 3 is not recognised here but by its first valid
+/// frame. `ended`: nothing more will come.
+///
+/// RINEX files of other kinds count as [`Format::Rinex`]: its decoder says what they are.
+pub fn recognise_text(start: &[u8], ended: bool) -> Option<Format> {
+    table::recognise_text(start, ended).map(|row| row.format)
+}
 
 /// Decodes a stream of any format that is read.
 #[derive(Debug)]
@@ -157,7 +166,7 @@ impl StreamDecoder {
             State::Open { start, false_starts, .. } => {
                 *false_starts += u32::from(!start.is_empty());
                 if *false_starts >= STARTS_TO_RECOGNISE && !start.is_empty() {
-                    return Err(WrongStream { reason: format::unknown(start) });
+                    return Err(WrongStream { reason: unknown::unknown(start) });
                 }
                 start.clear();
             }
@@ -199,8 +208,8 @@ impl StreamDecoder {
             self.state = State::Recognised(row.format, probe);
             return Ok(());
         }
-        if ended || start.len() >= BYTES_TO_RECOGNISE || format::is_packed(start) {
-            return Err(WrongStream { reason: format::unknown(start) });
+        if ended || start.len() >= BYTES_TO_RECOGNISE || unknown::is_packed(start) {
+            return Err(WrongStream { reason: unknown::unknown(start) });
         }
         Ok(())
     }

@@ -105,3 +105,50 @@ pub(in crate::formats) fn recognise_text(start: &[u8], ended: bool) -> Option<&'
     let by_line = |line: &[u8]| TABLE.iter().find(|row| matches!(row.sign, Sign::Line(is_it) if is_it(line)));
     by_first.or_else(|| std::iter::once(first).chain(lines).take(LINES_TO_RECOGNISE).find_map(by_line))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recognised(start: &[u8], ended: bool) -> Option<Format> {
+        recognise_text(start, ended).map(|row| row.format)
+    }
+
+    #[test]
+    fn text_formats_are_known_by_their_lines() {
+        let rinex = format!("{:<20}{:<20}{:<20}RINEX VERSION / TYPE\n", "     3.04", "OBSERVATION DATA", "M");
+        let compact = format!("{:<20}{:<40}CRINEX VERS   / TYPE\n", "3.0", "COMPACT RINEX FORMAT");
+        let (marked, after_blank_lines) = (format!("\u{feff}{rinex}"), format!("\r\n  \n{compact}"));
+        let lower_case = rinex.to_lowercase();
+        for (start, format) in [
+            (rinex.as_str(), Format::Rinex),
+            (compact.as_str(), Format::CompactRinex),
+            ("# \n# Header Description:\n# \n", Format::GnssLogger),
+            ("# \r\n\r\n#Raw,ElapsedRealtimeMillis\r\n", Format::GnssLogger),
+            ("Raw,1,2,3\n", Format::GnssLogger),
+            ("\u{feff}Fix,gps,37.4\n", Format::GnssLogger),
+            (&marked, Format::Rinex),
+            (&after_blank_lines, Format::CompactRinex),
+            (&lower_case, Format::Rinex),
+            ("\r\n\u{feff}phoneName, millisSinceGpsEpoch,svid\n", Format::ChallengeTable),
+            ("phoneName, millisSinceGpsEpoch,svid\n", Format::ChallengeTable),
+            ("MessageType,ArrivalTimeNanosSinceGpsEpoch\n", Format::ChallengeTable),
+            ("current_Start_Timestamp:2020_08_13_22_19_00.000\n", Format::SpareLog),
+            ("\r\n{\"gga\":\"\",\"obsd_t\":{}}\r\n", Format::SpareLog),
+        ] {
+            assert_eq!(recognised(start.as_bytes(), false), Some(format), "{start}");
+            let cut = &start.as_bytes()[..start.len() - 1];
+            assert_eq!(recognised(cut, true), Some(format), "{start} without line end");
+        }
+        assert_eq!(recognised(&rinex.as_bytes()[..79], false), None);
+        assert_eq!(recognised(b"Raw,1,2", false), None, "the line may go on");
+        assert_eq!(recognised(b"name,value\n1,2\n", true), None);
+    }
+
+    #[test]
+    fn a_log_is_searched_for_a_hundred_lines() {
+        let log = |before: usize| format!("{}Raw,1\n", "x\n".repeat(before));
+        assert_eq!(recognised(log(99).as_bytes(), false), Some(Format::GnssLogger));
+        assert_eq!(recognised(log(100).as_bytes(), false), None);
+    }
+}
