@@ -88,7 +88,7 @@ impl RtcmDecoder {
 
     /// The first GLONASS message of a stream without other systems sets the clock, by its day of the week and where that was to be.
     fn begin_with_glonass(&mut self, message: &[u8]) {
-        if let Some((_, sent)) = SentTime::of_message(message)
+        if let Some((_, sent)) = super::sent_time(message)
             && let Some(Resolved { time, .. }) = self.clock.resolve(Constellation::Glonass, sent)
         {
             self.clock.set(time);
@@ -159,7 +159,7 @@ impl RtcmDecoder {
 
 /// The time of GLONASS messages that wait, by the day that is nearest to an instant, if that is about it.
 fn redated(clock: &StreamClock, ahead: &Ahead, near: GpsTime) -> Option<GpsTime> {
-    let (_, sent) = SentTime::of_message(ahead.messages.first()?)?;
+    let (_, sent) = super::sent_time(ahead.messages.first()?)?;
     let resolved = clock.at(near).resolve(Constellation::Glonass, sent)?;
     Some(resolved.time).filter(|time| is_about(*time, near))
 }

@@ -1,6 +1,5 @@
 //! Epoch times of messages, which lack the week (or even the day), to GPS time.
 
-use super::{legacy, msm_kind};
 use crate::formats::bits::{Bits, TooShort};
 use crate::formats::moscow::{self, MILLIS_PER_DAY};
 use crate::gnss::Constellation;
@@ -29,18 +28,6 @@ pub(super) enum SentTime {
 }
 
 impl SentTime {
-    /// Of an observation message, and whose time it is; `None` of any other message, and of one that ends before it.
-    pub(super) fn of_message(bytes: &[u8]) -> Option<(Constellation, Self)> {
-        let mut bits = Bits::new(bytes);
-        let number = bits.unsigned(12).ok()?;
-        bits.skip(12); // station
-        if let Some((constellation, _)) = msm_kind(number) {
-            return Some((constellation, Self::of_msm(&mut bits, constellation).ok()?));
-        }
-        let constellation = legacy::constellation(number)?;
-        Some((constellation, Self::of_legacy(&mut bits, constellation).ok()?))
-    }
-
     /// Of a multiple signal message, at its place.
     pub(super) fn of_msm(bits: &mut Bits<'_>, constellation: Constellation) -> Result<Self, TooShort> {
         Ok(match constellation {

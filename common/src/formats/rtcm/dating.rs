@@ -139,7 +139,7 @@ impl Dating {
 
     fn message(&mut self, bytes: &[u8]) {
         let frame = self.framer.frames();
-        match SentTime::of_message(bytes) {
+        match super::sent_time(bytes) {
             Some((Constellation::Sbas, _)) => {}
             Some((Constellation::Glonass, sent)) => {
                 self.glonass.observed(frame, Constellation::Glonass, sent);

@@ -50,6 +50,7 @@ use crate::gnss::{Constellation, LossOfLock, Observation, ObservationEpoch, Sate
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
 use crate::skips::{Reason, Skips};
 use crate::time::{GpsTime, leap_seconds_at};
+use clock::SentTime;
 use epoch::{Family, Part};
 
 /// After this many bytes without a frame the stream is not RTCM 3. A line may be noisy at the start, but not for so long.
@@ -302,6 +303,18 @@ impl RtcmDecoder {
             || observation.cn0_dbhz.is_some();
         any.then_some(observation)
     }
+}
+
+/// System and time of an observation message; `None` for any other message, and for one that ends before its time.
+fn sent_time(bytes: &[u8]) -> Option<(Constellation, SentTime)> {
+    let mut bits = Bits::new(bytes);
+    let number = bits.unsigned(12).ok()?;
+    bits.skip(12); // station
+    if let Some((constellation, _)) = msm_kind(number) {
+        return Some((constellation, SentTime::of_msm(&mut bits, constellation).ok()?));
+    }
+    let constellation = legacy::constellation(number)?;
+    Some((constellation, SentTime::of_legacy(&mut bits, constellation).ok()?))
 }
 
 /// System and resolution of a multiple signal message (RTCM 10403.3, list of messages).
