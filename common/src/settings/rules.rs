@@ -1,4 +1,4 @@
-//! What the keys of a table have to do with one another.
+//! Dependencies between the keys of a table.
 
 use super::table::{Rules, Word};
 use super::tables::{
@@ -6,7 +6,7 @@ use super::tables::{
     FilterSettings, IntegritySettings, RateVariance, Settings, StochasticSettings, VarianceForm, Widening,
 };
 
-/// Algorithm 1's values, for files that choose it and say nothing else.
+/// Values of Algorithm 1 for files that choose it without further keys.
 const PENG_CONFIDENCE: f64 = 0.1;
 const PENG_FACTOR: f64 = 1.5;
 const PENG_ENLARGEMENTS: u32 = 50;
@@ -18,7 +18,7 @@ impl Rules for StochasticSettings {}
 impl Rules for IntegritySettings {}
 
 impl VarianceForm {
-    /// Whether it has floor, noise, ura and zenith.
+    /// Whether the form has floor, noise, ura and zenith.
     const fn terms(self) -> [bool; 4] {
         match self {
             Self::Cn0 | Self::Product => [true, true, false, false],
@@ -27,7 +27,7 @@ impl VarianceForm {
         }
     }
 
-    /// Drops the values that it has no use for and that a file did not give.
+    /// Drops the values that the form does not use, unless a file gave them.
     fn settle(self, keys: [&str; 4], values: [&mut Option<f64>; 4], is_given: &dyn Fn(&str) -> bool) {
         for ((has, key), value) in self.terms().into_iter().zip(keys).zip(values) {
             if !has && !is_given(key) {
