@@ -47,7 +47,10 @@ impl Corrector {
             let mut fitting = SLOTS
                 .map(|slot| SatelliteId::new(Constellation::Glonass, slot))
                 .filter(|satellite| self.products().glonass_channel(*satellite, time_gps) == Some(*channel))
-                .filter(|satellite| self.fits(*satellite, observation, (position, clock_m), time_gps));
+                .filter(|satellite| {
+                    let implied_m = self.implied_clock_m(*satellite, observation, position, time_gps);
+                    implied_m.is_some_and(|implied_m| (implied_m - clock_m).abs() <= MOST_FROM_CLOCK_M)
+                });
             let found = match (fitting.next(), fitting.next()) {
                 (Some(satellite), None) => Some(satellite),
                 _ => None,
@@ -69,23 +72,21 @@ impl Corrector {
         identified
     }
 
-    /// Whether a satellite is above the horizon and its pseudorange gives a receiver clock near `clock_m`.
-    fn fits(
+    /// Receiver clock by the pseudorange of a satellite, m; `None` below the horizon.
+    fn implied_clock_m(
         &self,
         satellite: SatelliteId,
         observation: &Observation,
-        (position, clock_m): (Ecef, f64),
+        position: Ecef,
         time_gps: GpsTime,
-    ) -> bool {
-        let Some(pseudorange_m) = observation.pseudorange_m else { return false };
+    ) -> Option<f64> {
+        let pseudorange_m = observation.pseudorange_m?;
         let sent = time_gps - pseudorange_m / SPEED_OF_LIGHT_MPS;
-        let Ok(state) = self.products().satellite_state(satellite, sent) else { return false };
+        let state = self.products().satellite_state(satellite, sent).ok()?;
         let line = (state.position - position).0;
-        if LocalFrame::at(position).direction(&line.normalize()).elevation_rad < 0.0 {
-            return false;
-        }
-        let at_rest = pseudorange_m + SPEED_OF_LIGHT_MPS * state.clock_s - range_m(state.position, position);
-        (at_rest - clock_m).abs() <= MOST_FROM_CLOCK_M
+        let is_below_horizon = LocalFrame::at(position).direction(&line.normalize()).elevation_rad < 0.0;
+        let clock_m = pseudorange_m + SPEED_OF_LIGHT_MPS * state.clock_s - range_m(state.position, position);
+        (!is_below_horizon).then_some(clock_m)
     }
 }
 

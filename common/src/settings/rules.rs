@@ -28,7 +28,7 @@ impl VarianceForm {
     }
 
     /// Drops the values that the form does not use, unless a file gave them.
-    fn settle(self, keys: [&str; 4], values: [&mut Option<f64>; 4], is_given: &dyn Fn(&str) -> bool) {
+    fn apply_choices(self, keys: [&str; 4], values: [&mut Option<f64>; 4], is_given: &dyn Fn(&str) -> bool) {
         for ((has, key), value) in self.terms().into_iter().zip(keys).zip(values) {
             if !has && !is_given(key) {
                 *value = None;
@@ -56,9 +56,9 @@ const CODE: [&str; 4] = ["floor_m2", "noise_m2", "ura_m", "zenith_m"];
 const RATE: [&str; 4] = ["floor_m2ps2", "noise_m2ps2", "ura_mps", "zenith_mps"];
 
 impl Rules for CodeVariance {
-    fn settle(&mut self, is_given: &dyn Fn(&str) -> bool) {
+    fn apply_choices(&mut self, is_given: &dyn Fn(&str) -> bool) {
         let Self { model, floor_m2, noise_m2, ura_m, zenith_m } = self;
-        model.settle(CODE, [floor_m2, noise_m2, ura_m, zenith_m], is_given);
+        model.apply_choices(CODE, [floor_m2, noise_m2, ura_m, zenith_m], is_given);
     }
 
     fn contradiction(&self) -> Option<(&'static str, String)> {
@@ -67,9 +67,9 @@ impl Rules for CodeVariance {
 }
 
 impl Rules for RateVariance {
-    fn settle(&mut self, is_given: &dyn Fn(&str) -> bool) {
+    fn apply_choices(&mut self, is_given: &dyn Fn(&str) -> bool) {
         let Self { model, floor_m2ps2, noise_m2ps2, ura_mps, zenith_mps } = self;
-        model.settle(RATE, [floor_m2ps2, noise_m2ps2, ura_mps, zenith_mps], is_given);
+        model.apply_choices(RATE, [floor_m2ps2, noise_m2ps2, ura_mps, zenith_mps], is_given);
     }
 
     fn contradiction(&self) -> Option<(&'static str, String)> {
@@ -88,7 +88,7 @@ impl Rules for FilterSettings {
 }
 
 impl Rules for ConstraintSettings {
-    fn settle(&mut self, is_given: &dyn Fn(&str) -> bool) {
+    fn apply_choices(&mut self, is_given: &dyn Fn(&str) -> bool) {
         match self.method {
             Combination::ExpectationPropagation => _ = self.damping.get_or_insert(0.0),
             Combination::Sequential if !is_given("damping") => self.damping = None,

@@ -166,7 +166,7 @@ pub(super) fn number(value: f64) -> String {
 /// Dependencies between the keys of a table.
 pub(super) trait Rules {
     /// Drops unused and fills missing values according to the table's choices; `is_given` tells whether a file gave a key.
-    fn settle(&mut self, is_given: &dyn Fn(&str) -> bool) {
+    fn apply_choices(&mut self, is_given: &dyn Fn(&str) -> bool) {
         let _ = is_given;
     }
 
@@ -243,7 +243,7 @@ macro_rules! tables {
             pub(super) fn take(&mut self, given: &$Keys) {
                 $(if let Some(value) = given.$key { self.$key = value; })*
                 $(self.$sub.take(&given.$sub);)*
-                crate::settings::table::Rules::settle(self, &|key| {
+                crate::settings::table::Rules::apply_choices(self, &|key| {
                     $(if key == stringify!($key) { return given.$key.is_some(); })*
                     let _ = key;
                     false

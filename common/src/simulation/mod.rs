@@ -96,7 +96,7 @@ impl Simulation {
         let streams = Streams::new(scenario.seed);
         let ephemerides =
             constellation::ephemerides(scenario.start_gps, scenario.end_gps(), &mut streams.world());
-        let satellites = SimulatedSatellite::group(&ephemerides, &mut streams.untold());
+        let satellites = SimulatedSatellite::group(&ephemerides, &mut streams.satellite_errors());
         let convoy = Convoy::new(scenario.origin, scenario.convoy);
         Ok(Self { scenario, convoy, ephemerides, satellites })
     }

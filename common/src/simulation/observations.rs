@@ -226,7 +226,7 @@ impl Instant<'_> {
         let Some(reception) = self.reception(satellite, draws) else { return };
         let before = observations.len();
         for (band, signal) in satellite.signals(self.epochs.phone.dual_frequency).enumerate() {
-            observations.extend(self.signal(satellite, signal, band, (&reception, draws)));
+            observations.extend(self.signal(satellite, signal, band, &reception, draws));
         }
         let reflected_only = draws.outlier_m != 0.0 || reception.mixture.delayed == 1.0;
         if reflected_only && observations.len() > before {
@@ -265,7 +265,8 @@ impl Instant<'_> {
         satellite: &SimulatedSatellite,
         signal: SignalCode,
         band: usize,
-        (reception, draws): (&Reception, &Draws),
+        reception: &Reception,
+        draws: &Draws,
     ) -> Option<Observation> {
         let errors = &self.epochs.errors;
         let Reception { path, direction, .. } = reception;

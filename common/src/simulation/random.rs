@@ -27,7 +27,7 @@ impl Streams {
     }
 
     /// Errors of the satellites that are not in the navigation messages.
-    pub(super) fn untold(self) -> ChaCha8Rng {
+    pub(super) fn satellite_errors(self) -> ChaCha8Rng {
         self.stream(1)
     }
 
@@ -47,7 +47,7 @@ impl Streams {
     }
 
     /// Reflectivity of a piece of a façade by its place along the road and in height.
-    pub(super) fn facade(self, right: bool, (along, up): (u32, u16)) -> ChaCha8Rng {
+    pub(super) fn facade(self, right: bool, along: u32, up: u16) -> ChaCha8Rng {
         self.stream(FACADES | u64::from(right) << 48 | u64::from(along) << 16 | u64::from(up))
     }
 

@@ -160,8 +160,8 @@ impl Facades {
     /// Loss of a reflection, dB; `None` for a façade that does not reflect.
     fn loss_db(&self, side: Side, along_m: f64, height_m: f64) -> Option<f64> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // both are small and not negative
-        let piece = ((along_m / PIECE_M.0) as u32, (height_m / PIECE_M.1) as u16);
-        let mut random = self.streams.facade(side == Side::Right, piece);
+        let (along, up) = ((along_m / PIECE_M.0) as u32, (height_m / PIECE_M.1) as u16);
+        let mut random = self.streams.facade(side == Side::Right, along, up);
         let (chance, loss) = (random.random::<f64>(), random.random::<f64>());
         (chance < self.reflecting).then_some(REFLECTION_LOSS_DB.0 + REFLECTION_LOSS_DB.1 * loss)
     }
