@@ -3,7 +3,9 @@
 //! Two satellites at opposite positions of one orbital plane share a channel (GLONASS ICD, L1 and L2, edition 5.1, 3.3.1.1), so at most one
 //! of both is above the horizon.
 
-use super::{Corrector, PreparedObservation};
+use super::correct::Corrector;
+use super::given::ChannelObservation;
+use super::prepared::PreparedObservation;
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Ecef, LocalFrame};
 use crate::gnss::{Constellation, EpochFlag, Observation, ObservationEpoch, SatelliteId};
@@ -15,15 +17,6 @@ const SLOTS: std::ops::RangeInclusive<u8> = 1..=27;
 /// Maximum difference, m, between the receiver clock from a pseudorange and that of the other satellites. A wrong satellite differs by
 /// hundreds of kilometres; an approximate position and the clocks of different systems differ by a few.
 const MOST_FROM_CLOCK_M: f64 = 2e4;
-
-/// An observation of a GLONASS satellite with unknown slot.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ChannelObservation {
-    /// Frequency channel, −7 to 6.
-    pub channel: i8,
-    /// The observation; its satellite number has no meaning.
-    pub observation: Observation,
-}
 
 impl Corrector {
     /// The observations with the slots found for them. A slot fits if the satellite is on the channel by the products, above the horizon of
