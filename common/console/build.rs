@@ -1,12 +1,12 @@
-//! Tells the programs which commit they are built from: by the variable `COFIX_COMMIT`, by git, or, in an archive of the repository,
-//! by `commit.txt`. Debug builds do not ask git, so that a commit does not rebuild them.
+//! Gives the programs the commit of their build: from the variable `COFIX_COMMIT`, from git, or, in an archive of the repository,
+//! from `commit.txt`. Debug builds do not ask git, so that a commit does not rebuild them.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Digits of a commit that are shown.
+/// Number of digits of the shown commit.
 const SHOWN: usize = 12;
-/// Sources of the programs, seen from here: with one of them changed, a build is not of the commit alone.
+/// Sources of the programs, relative to this package; if one of them is changed, the commit is marked as modified.
 const SOURCES: [&str; 6] =
     ["../../Cargo.lock", "../src", "../../agent/src", "src", "../../fusion-hub/src", "../../viewer/src"];
 
@@ -24,12 +24,12 @@ fn main() {
     println!("cargo::rustc-env=COFIX_BUILD={}", known.as_deref().unwrap_or(unknown));
 }
 
-/// The commit of the repository whose top this workspace is, with a mark when tracked files differ from it.
+/// Commit of the repository whose root is this workspace, with a mark if tracked files differ from it.
 fn by_git() -> Option<String> {
     let folder = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR")?);
     let workspace = folder.parent()?.parent()?;
     let top = git(workspace, &["rev-parse", "--show-toplevel"])?;
-    // Unpacked inside another repository, this one's commit is not that one's.
+    // If the workspace was unpacked inside another repository, git returns the commit of that repository.
     if Path::new(&top).canonicalize().ok()? != workspace.canonicalize().ok()? {
         return None;
     }
@@ -40,14 +40,14 @@ fn by_git() -> Option<String> {
     Some(format!("{}{mark}", commit.get(..SHOWN)?))
 }
 
-/// What changes with the commit, and the sources.
+/// Registers the files that change with the commit, and the sources.
 fn watch(workspace: &Path) {
     let branch = git(workspace, &["symbolic-ref", "--quiet", "HEAD"]);
     let names = [Some("HEAD".to_owned()), branch, Some("packed-refs".to_owned())];
     for name in names.into_iter().flatten() {
         if let Some(path) = git(workspace, &["rev-parse", "--git-path", &name]) {
             let path = workspace.join(path);
-            // A file that is not there would rerun this every time.
+            // A missing file would trigger a rebuild every time.
             if path.exists() {
                 println!("cargo::rerun-if-changed={}", path.display());
             }
@@ -64,7 +64,7 @@ fn git(folder: &Path, arguments: &[&str]) -> Option<String> {
     output.status.success().then(|| text.trim().to_owned())
 }
 
-/// What `git archive` put in place of its mark.
+/// Commit that `git archive` wrote in place of its mark.
 fn by_archive() -> Option<String> {
     let text = std::fs::read_to_string("commit.txt").ok()?;
     text.trim().get(..SHOWN).filter(|commit| is_word(commit)).map(str::to_owned)

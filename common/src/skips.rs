@@ -1,4 +1,4 @@
-//! What was skipped, why, and where first: nothing that is dropped passes silently.
+//! Counts of skipped data by reason, with the first instance of each. Dropped data is always counted.
 
 mod reason;
 
@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 
 pub use reason::Reason;
 
-/// The key of a count: a reason's text, with its subject, and behind the stage that counted it. The hub keeps keys of agents of other
-/// versions, whose reasons it does not know.
+/// Key of a count: the text of a reason, with its subject, preceded by its stage if there is one. The hub keeps unknown keys from agents of
+/// other versions.
 type Key = Cow<'static, str>;
 
-/// Counts of skipped things by reason, with the first instance of each named.
+/// Counts of skipped data by reason, each with its first instance.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Skips {
     by_reason: BTreeMap<Key, Skip>,
@@ -23,24 +23,24 @@ pub struct Skips {
 /// One reason's count and first instance.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Skip {
-    /// How many.
+    /// Number of instances.
     pub count: u64,
-    /// The first one, with its facts (line, satellite, epoch, value, limit).
+    /// Description of the first instance, with its facts (line, satellite, epoch, value, limit).
     pub first: String,
 }
 
 impl Skips {
-    /// Nothing skipped.
+    /// Empty counts.
     pub const fn new() -> Self {
         Self { by_reason: BTreeMap::new() }
     }
 
-    /// Counts one skipped thing; `describe` is called only for the first of its reason.
+    /// Counts one instance; `describe` is called only for the first instance of a reason.
     pub fn add(&mut self, reason: Reason, describe: impl FnOnce() -> String) {
         self.count_as(Key::Borrowed(reason.text()), describe);
     }
 
-    /// Counts one skipped thing under a reason whose text names a subject (see [`Reason::about`]).
+    /// Counts one instance of a reason whose text names a subject (see [`Reason::about`]).
     pub fn add_about(
         &mut self,
         reason: Reason,
@@ -50,7 +50,7 @@ impl Skips {
         self.count_as(Key::Owned(reason.about(subject)), describe);
     }
 
-    /// Counts one skipped thing under a reason behind the place or stage in which it occurred: `place: reason`.
+    /// Counts one instance with the place or stage in front of the reason: `place: reason`.
     pub fn add_within(&mut self, place: &str, reason: Reason, describe: impl FnOnce() -> String) {
         self.count_as(Key::Owned(format!("{place}: {reason}")), describe);
     }
@@ -59,7 +59,7 @@ impl Skips {
         self.by_reason.entry(key).or_insert_with(|| Skip { count: 0, first: describe() }).count += 1;
     }
 
-    /// Adds another's counts; this one's first instances stay.
+    /// Adds other counts; existing first instances are kept.
     pub fn merge(&mut self, other: &Self) {
         for (reason, skip) in &other.by_reason {
             self.by_reason
@@ -69,7 +69,7 @@ impl Skips {
         }
     }
 
-    /// The same counts with something in front of each reason.
+    /// The same counts with `prefix` in front of each reason.
     pub fn with_prefix(&self, prefix: &str) -> Self {
         let named = self
             .by_reason
@@ -78,7 +78,7 @@ impl Skips {
         Self { by_reason: named.collect() }
     }
 
-    /// The same counts with the place in front of each first instance.
+    /// The same counts with `place` in front of each first instance.
     pub fn with_place(mut self, place: &str) -> Self {
         for skip in self.by_reason.values_mut() {
             skip.first = format!("{place}: {}", skip.first);
@@ -86,12 +86,12 @@ impl Skips {
         self
     }
 
-    /// Count for a reason, by itself or by its whole key; 0 when it never happened.
+    /// Count for a reason or for a whole key; 0 if there is none.
     pub fn count(&self, reason: impl AsRef<str>) -> u64 {
         self.get(reason).map_or(0, |skip| skip.count)
     }
 
-    /// Count and first instance of a reason, by itself or by its whole key.
+    /// Count and first instance for a reason or for a whole key.
     pub fn get(&self, reason: impl AsRef<str>) -> Option<&Skip> {
         self.by_reason.get(reason.as_ref())
     }
@@ -101,7 +101,7 @@ impl Skips {
         self.by_reason.values().map(|skip| skip.count).sum()
     }
 
-    /// Whether nothing was skipped.
+    /// Whether there are no counts.
     pub fn is_empty(&self) -> bool {
         self.by_reason.is_empty()
     }

@@ -1,4 +1,4 @@
-//! What the programs have in common on a terminal: version, verbosity, errors, output.
+//! Common parts of the programs on a terminal: version, verbosity, errors, output.
 
 use std::fmt::{self, Display};
 use std::io::{self, IsTerminal, Write};
@@ -13,11 +13,11 @@ use tracing_subscriber::registry::LookupSpan;
 
 pub use tracing::level_filters::LevelFilter;
 
-/// What a program is built from: [`COMMIT`], else "debug build" or "commit unknown".
+/// Build of the program: [`COMMIT`], else "debug build" or "commit unknown".
 pub const BUILD: &str = env!("COFIX_BUILD");
-/// The commit that a program is built from, with ", modified" when tracked files differed from it; `None` when it is not known.
+/// Commit of the build, with ", modified" if tracked files differed from it; `None` if unknown.
 pub const COMMIT: Option<&str> = option_env!("COFIX_KNOWN_COMMIT");
-/// Version and build, as `--version` says them.
+/// Version and build, as printed by `--version`.
 pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("COFIX_BUILD"), ")");
 
 /// How much is said on the standard error.
@@ -41,7 +41,7 @@ const LEVELS: [LevelFilter; 6] = [
 ];
 
 impl Verbosity {
-    /// The level of what is said, from that of a program that is told nothing.
+    /// Log level, relative to the usual level of the program.
     fn level(self, usual: LevelFilter) -> LevelFilter {
         let usual = LEVELS.iter().position(|level| *level == usual).unwrap_or_default();
         let level = (usual + usize::from(self.verbose)).saturating_sub(usize::from(self.quiet));
@@ -53,17 +53,17 @@ impl Verbosity {
     }
 }
 
-/// How lines of the log look.
+/// Format of the log lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lines {
-    /// With date and time, UTC: of programs that run for hours.
+    /// With date and time, UTC, for programs that run for hours.
     Timed,
-    /// As errors look: "warning: …".
+    /// Like errors: "warning: …".
     Plain,
 }
 
-/// Starts the log on the standard error: of the workspace's crates from the level `usual` on, or as told by the user (`-v`, `-q`, else
-/// `RUST_LOG`); of others errors only.
+/// Starts the log on the standard error: for the crates of the workspace from the level `usual` on, or as set by the user (`-v`, `-q`, else
+/// `RUST_LOG`); for other crates only errors.
 pub fn start_log(verbosity: Verbosity, usual: LevelFilter, lines: Lines) {
     let level = verbosity.level(usual);
     let own = ["common", "agent", "hub", "viewer", "console"].map(|name| format!("cofix_{name}={level}"));
@@ -82,13 +82,13 @@ pub fn start_log(verbosity: Verbosity, usual: LevelFilter, lines: Lines) {
     }
 }
 
-/// What writes the log in place of the standard error.
+/// Writer of the log in place of the standard error.
 static WRITE: OnceLock<WriteLog> = OnceLock::new();
 
-/// Writes a part of the log; returns how many bytes it took.
+/// Function that writes a part of the log and returns the number of bytes written.
 pub type WriteLog = fn(&[u8]) -> io::Result<usize>;
 
-/// Lets the log go through `write`, for one who draws on the terminal; the first call counts.
+/// Redirects the log to `write`, for a program that draws on the terminal; only the first call counts.
 pub fn write_log_through(write: WriteLog) {
     WRITE.get_or_init(|| write);
 }
@@ -105,7 +105,7 @@ impl Write for Log {
     }
 }
 
-/// Level and message, and nothing else.
+/// Format with level and message only.
 struct Plain;
 
 impl<S, N> FormatEvent<S, N> for Plain
@@ -130,7 +130,7 @@ where
     }
 }
 
-/// The exit code of a program's work, after saying why it failed.
+/// Exit code of a program; prints the error, if there is one.
 pub fn conclude(outcome: anyhow::Result<()>) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -141,13 +141,13 @@ pub fn conclude(outcome: anyhow::Result<()>) -> ExitCode {
     }
 }
 
-/// Says on the standard error what is wrong, as loud as the log may be.
+/// Prints an error on the standard error, regardless of the log level.
 pub fn say_error(error: &dyn Display) {
-    // Nothing is left to be done when this cannot be said.
+    // An error that cannot be printed is ignored.
     let _ = writeln!(io::stderr(), "error: {error}");
 }
 
-/// An error with its causes, each said once: many messages carry their cause already.
+/// An error with its causes in one line; causes contained in the message of an error are not repeated.
 fn one_line(error: &anyhow::Error) -> String {
     let mut line = error.to_string();
     for cause in error.chain().skip(1) {
@@ -159,10 +159,10 @@ fn one_line(error: &anyhow::Error) -> String {
     line
 }
 
-/// Prints to the standard output. A reader that has had enough (`| head`) is no failure.
+/// Prints to the standard output. A closed pipe (`| head`) is no error.
 ///
 /// # Errors
-/// When it cannot be written.
+/// If the output cannot be written.
 pub fn print(text: &str) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {

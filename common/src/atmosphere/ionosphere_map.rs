@@ -65,7 +65,7 @@ impl IonosphereMap {
     /// Content along a signal's path at an instant, TECU; the map rotates with the sun.
     fn slant_tecu(&self, receiver: Geodetic, direction: Direction, time: GpsTime) -> Option<f64> {
         let latitude_rad = geocentric_rad(receiver.latitude_rad);
-        let pierce = self.shell.pierce((latitude_rad, receiver.longitude_rad), direction);
+        let pierce = self.shell.pierce(latitude_rad, receiver.longitude_rad, direction);
         let turned_rad = pierce.longitude_rad + SUN_RADPS * (time - self.time);
         // Smoothed maps contain small negative values, which are set to zero.
         Some(self.vertical_tecu(pierce.latitude_rad, turned_rad)?.max(0.0) * pierce.slant)

@@ -62,12 +62,12 @@ pub fn klobuchar_delay_l1_m(
 
 /// Converts a delay on L1 to another frequency: (f_L1/f)² times as long.
 pub fn scale_from_l1(delay_l1_m: f64, frequency_hz: f64) -> f64 {
-    scale_delay((delay_l1_m, L1_HZ), frequency_hz)
+    scale_delay(delay_l1_m, L1_HZ, frequency_hz)
 }
 
-/// Converts a delay on one frequency (m, Hz) to another.
-pub(crate) fn scale_delay((delay_m, from_hz): (f64, f64), frequency_hz: f64) -> f64 {
-    let ratio = from_hz / frequency_hz;
+/// Converts a delay on one frequency to another.
+pub(crate) fn scale_delay(delay_m: f64, from_hz: f64, to_hz: f64) -> f64 {
+    let ratio = from_hz / to_hz;
     delay_m * ratio * ratio
 }
 

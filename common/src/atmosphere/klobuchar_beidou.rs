@@ -26,7 +26,7 @@ pub fn beidou_klobuchar_delay_b1i_m(
     direction: Direction,
     time: GpsTime,
 ) -> f64 {
-    let pierce = SHELL.pierce((receiver.latitude_rad, receiver.longitude_rad), direction);
+    let pierce = SHELL.pierce(receiver.latitude_rad, receiver.longitude_rad, direction);
     let latitude_semicircles = (pierce.latitude_rad / PI).abs();
     let longitude_s = pierce.longitude_rad * 43_200.0 / PI;
     let local_time_s = (time.tow_s() - BEIDOU_BEHIND_GPS_S + longitude_s).rem_euclid(SECONDS_PER_DAY);

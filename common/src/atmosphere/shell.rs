@@ -35,11 +35,7 @@ impl Shell {
 
     /// Pierce point of a signal to a receiver at a latitude and longitude on the sphere, rad. An elevation below
     /// the horizon counts as the horizon.
-    pub(crate) fn pierce(
-        self,
-        (latitude_rad, longitude_rad): (f64, f64),
-        direction: Direction,
-    ) -> PiercePoint {
+    pub(crate) fn pierce(self, latitude_rad: f64, longitude_rad: f64, direction: Direction) -> PiercePoint {
         let Self { base_radius_m, height_m } = self;
         let elevation_rad = direction.elevation_rad.clamp(0.0, FRAC_PI_2);
         let sin_zenith = base_radius_m / (base_radius_m + height_m) * elevation_rad.cos();

@@ -3,7 +3,9 @@
 //! Two satellites at opposite positions of one orbital plane share a channel (GLONASS ICD, L1 and L2, edition 5.1, 3.3.1.1), so at most one
 //! of both is above the horizon.
 
-use super::{Corrector, PreparedObservation};
+use super::correct::Corrector;
+use super::given::ChannelObservation;
+use super::prepared::PreparedObservation;
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Ecef, LocalFrame};
 use crate::gnss::{Constellation, EpochFlag, Observation, ObservationEpoch, SatelliteId};
@@ -15,15 +17,6 @@ const SLOTS: std::ops::RangeInclusive<u8> = 1..=27;
 /// Maximum difference, m, between the receiver clock from a pseudorange and that of the other satellites. A wrong satellite differs by
 /// hundreds of kilometres; an approximate position and the clocks of different systems differ by a few.
 const MOST_FROM_CLOCK_M: f64 = 2e4;
-
-/// An observation of a GLONASS satellite with unknown slot.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ChannelObservation {
-    /// Frequency channel, −7 to 6.
-    pub channel: i8,
-    /// The observation; its satellite number has no meaning.
-    pub observation: Observation,
-}
 
 impl Corrector {
     /// The observations with the slots found for them. A slot fits if the satellite is on the channel by the products, above the horizon of
@@ -47,7 +40,10 @@ impl Corrector {
             let mut fitting = SLOTS
                 .map(|slot| SatelliteId::new(Constellation::Glonass, slot))
                 .filter(|satellite| self.products().glonass_channel(*satellite, time_gps) == Some(*channel))
-                .filter(|satellite| self.fits(*satellite, observation, (position, clock_m), time_gps));
+                .filter(|satellite| {
+                    let implied_m = self.implied_clock_m(*satellite, observation, position, time_gps);
+                    implied_m.is_some_and(|implied_m| (implied_m - clock_m).abs() <= MOST_FROM_CLOCK_M)
+                });
             let found = match (fitting.next(), fitting.next()) {
                 (Some(satellite), None) => Some(satellite),
                 _ => None,
@@ -69,23 +65,21 @@ impl Corrector {
         identified
     }
 
-    /// Whether a satellite is above the horizon and its pseudorange gives a receiver clock near `clock_m`.
-    fn fits(
+    /// Receiver clock by the pseudorange of a satellite, m; `None` below the horizon.
+    fn implied_clock_m(
         &self,
         satellite: SatelliteId,
         observation: &Observation,
-        (position, clock_m): (Ecef, f64),
+        position: Ecef,
         time_gps: GpsTime,
-    ) -> bool {
-        let Some(pseudorange_m) = observation.pseudorange_m else { return false };
+    ) -> Option<f64> {
+        let pseudorange_m = observation.pseudorange_m?;
         let sent = time_gps - pseudorange_m / SPEED_OF_LIGHT_MPS;
-        let Ok(state) = self.products().satellite_state(satellite, sent) else { return false };
+        let state = self.products().satellite_state(satellite, sent).ok()?;
         let line = (state.position - position).0;
-        if LocalFrame::at(position).direction(&line.normalize()).elevation_rad < 0.0 {
-            return false;
-        }
-        let at_rest = pseudorange_m + SPEED_OF_LIGHT_MPS * state.clock_s - range_m(state.position, position);
-        (at_rest - clock_m).abs() <= MOST_FROM_CLOCK_M
+        let is_below_horizon = LocalFrame::at(position).direction(&line.normalize()).elevation_rad < 0.0;
+        let clock_m = pseudorange_m + SPEED_OF_LIGHT_MPS * state.clock_s - range_m(state.position, position);
+        (!is_below_horizon).then_some(clock_m)
     }
 }
 

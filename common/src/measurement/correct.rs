@@ -4,8 +4,9 @@
 use std::sync::Arc;
 
 use super::exclusion::{Exclusion, Exclusions};
-use super::given::{GivenCorrections, RecordedObservation};
-use super::pair::{Ionosphere, Second};
+use super::given::RecordedObservation;
+use super::pair::Ionosphere;
+use super::prepared::PreparedObservation;
 use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
 use crate::atmosphere::{STANDARD_RELATIVE_HUMIDITY, saastamoinen_delay_m};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
@@ -67,29 +68,6 @@ pub struct Corrector {
     options: CorrectionOptions,
     exclusions: Exclusions,
     pub(super) skips: Skips,
-}
-
-/// An observation with its satellite's state and all corrections that do not depend on the phone's position.
-#[derive(Clone, Debug)]
-pub struct PreparedObservation {
-    pub(super) observation: Observation,
-    pub(super) frequency_hz: f64,
-    /// P + c·dT_s + group delay correction, m.
-    pub(super) pseudorange_m: f64,
-    pub(super) range_rate_mps: Option<f64>,
-    /// Satellite position at transmission, in the Earth-fixed frame of the transmission.
-    pub(super) position: Ecef,
-    pub(super) velocity: EcefVector,
-    /// Variance of the errors common to all signals of the satellite, m².
-    pub(super) satellite_variance_m2: f64,
-    /// Variance of the errors of this signal alone, without its noise, m².
-    pub(super) signal_variance_m2: f64,
-    /// Standard deviation of the code by the receiver, m; used without a C/N0 for the model.
-    pub(super) code_sigma_m: Option<f64>,
-    /// Corrections stated by the recording.
-    pub(super) stated: Option<GivenCorrections>,
-    /// Second signal, if this is an ionosphere-free pair.
-    pub(super) second: Option<Second>,
 }
 
 impl Corrector {
@@ -162,9 +140,9 @@ impl Corrector {
                 self.no_carrier_frequency(observation, epoch.time_gps);
                 continue;
             };
-            let combined = self.combine(observation, frequency_hz, pseudorange_m, &state);
+            let by_products = self.prepare_by_products(observation, frequency_hz, pseudorange_m, &state);
             let code_sigma_m = stated.and_then(|stated| stated.given?.code_sigma_m);
-            prepared.push(PreparedObservation { code_sigma_m, ..combined });
+            prepared.push(PreparedObservation { code_sigma_m, ..by_products });
         }
         self.pairs(prepared)
     }
@@ -190,7 +168,7 @@ impl Corrector {
 
     /// Replaces prepared signals by ionosphere-free pairs, if the options say so.
     pub(crate) fn pairs(&mut self, prepared: Vec<PreparedObservation>) -> Vec<PreparedObservation> {
-        self.options.ionosphere.combine(prepared, &mut self.skips)
+        self.options.ionosphere.form_pairs(prepared, &mut self.skips)
     }
 
     /// Carrier frequency; that of GLONASS by the channel in the navigation messages.
@@ -256,7 +234,7 @@ impl Corrector {
         })
     }
 
-    fn combine(
+    fn prepare_by_products(
         &mut self,
         observation: &Observation,
         frequency_hz: f64,

@@ -25,19 +25,21 @@ mod differential;
 mod exclusion;
 mod given;
 mod pair;
+mod prepared;
+mod recorded;
 #[cfg(test)]
 pub(crate) mod sky;
 mod stochastic;
 
-pub use channel::ChannelObservation;
-pub use correct::{CorrectionOptions, Corrector, PreparedObservation, without_position};
+pub use correct::{CorrectionOptions, Corrector, without_position};
 pub use differential::{Applied, Differential, DifferentialCounts, DifferentialOptions, Uncorrected};
 pub use exclusion::{Exclusion, ExclusionError};
-pub use given::{GivenCorrections, RecordedEpoch, RecordedObservation};
+pub use given::{ChannelObservation, GivenCorrections, RecordedEpoch, RecordedObservation};
 pub(crate) use given::{
     MAX_SATELLITE_CLOCK_M, MAX_SATELLITE_DRIFT_MPS, MAX_SATELLITE_SPEED_MPS, ORBIT_BOUNDS_M,
 };
 pub use pair::Ionosphere;
+pub use prepared::PreparedObservation;
 pub use stochastic::{StochasticModel, VarianceModel};
 
 use serde::{Deserialize, Serialize};

@@ -10,7 +10,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::{GivenCorrections, PreparedObservation};
+use super::given::GivenCorrections;
+use super::prepared::{PreparedObservation, SecondSignal};
 use crate::gnss::{Constellation, SignalCode};
 use crate::skips::{Reason, Skips};
 
@@ -51,34 +52,11 @@ impl FromStr for Ionosphere {
     }
 }
 
-/// The second signal of a pair.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Second {
-    /// Signal code of the pair.
-    pub(super) pair: SignalCode,
-    /// Factor f₁²/(f₁² − f₂²) of the first signal; that of the second is lower by one.
-    factor: f64,
-    /// C/N0 of the second signal, dB-Hz.
-    pub(super) cn0_dbhz: Option<f64>,
-    /// Standard deviation of the second code by the receiver, m.
-    pub(super) code_sigma_m: Option<f64>,
-    /// Variance of the errors of the second signal alone, without its noise, m².
-    signal_variance_m2: f64,
-}
-
-impl Second {
-    /// Variance of the pair from that of the first signal and the noise variance of the second, m².
-    pub(super) fn variance_m2(&self, first_m2: f64, own_noise_m2: f64) -> f64 {
-        let second_m2 = own_noise_m2 + self.signal_variance_m2;
-        self.factor.powi(2) * first_m2 + (self.factor - 1.0).powi(2) * second_m2
-    }
-}
-
 impl Ionosphere {
     /// Replaces signals by pairs. The two signals of a satellite with the largest frequency difference make the pair with the least noise:
     /// L1 and L5 before L1 and L2, E1 and E5a before E1 and E5b. Other signals of the satellite are left out. The pair has the range rate
     /// of its first signal, or else of its second.
-    pub(super) fn combine(
+    pub(super) fn form_pairs(
         self,
         prepared: Vec<PreparedObservation>,
         skips: &mut Skips,
@@ -154,7 +132,7 @@ fn pair(
         pseudorange_m: factor * first.pseudorange_m - (factor - 1.0) * second.pseudorange_m,
         range_rate_mps: first.range_rate_mps.or(second.range_rate_mps),
         stated: first.stated.map(|stated| GivenCorrections { ionosphere_m: Some(0.0), ..stated }),
-        second: Some(Second {
+        second: Some(SecondSignal {
             pair: name,
             factor,
             cn0_dbhz: second.observation.cn0_dbhz,

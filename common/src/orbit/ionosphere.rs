@@ -68,7 +68,7 @@ impl Products {
         let by_beidou = || {
             let coefficients = self.beidou_ionosphere()?;
             let delay_m = beidou_klobuchar_delay_b1i_m(&coefficients, receiver, direction, time);
-            Some(scale_delay((delay_m, B1I_HZ), frequency_hz))
+            Some(scale_delay(delay_m, B1I_HZ, frequency_hz))
         };
         by_gps().or_else(by_beidou)
     }

@@ -1,11 +1,11 @@
-//! The tree as commented TOML.
+//! Settings as commented TOML.
 
 use std::fmt;
 
 use super::table::{Entry, Word, words_of};
 use super::tables::{Preset, Settings};
 
-/// Settings as TOML, each key with its unit, its range and its meaning in a comment before it.
+/// Settings as TOML, each key preceded by a comment with its unit, range and meaning.
 #[derive(Clone, Debug, Default)]
 pub struct Document {
     text: String,
@@ -13,7 +13,7 @@ pub struct Document {
 }
 
 impl Document {
-    /// Adds a key, and its table's head where the table is another than before.
+    /// Adds a key, preceded by the header of its table if the table is new.
     pub fn add(&mut self, entry: &Entry) {
         let Entry { table, about, key, meaning, unit, range, value, .. } = entry;
         if *table != self.table {
@@ -41,7 +41,7 @@ impl fmt::Display for Document {
 }
 
 impl Settings {
-    /// All keys as TOML that a file may have; `preset` is the one that the file names.
+    /// All keys as TOML for a settings file; `preset` is the preset of the file.
     pub fn document(&self, preset: Preset) -> Document {
         let mut document = Document::default();
         for entry in self.entries() {
@@ -54,7 +54,7 @@ impl Settings {
     }
 }
 
-/// The key of the preset, beside `first` in its table.
+/// The entry of the preset, in the table of `first`.
 fn preset_entry(first: &Entry, preset: Preset) -> Entry {
     Entry {
         key: "preset",

@@ -1,9 +1,9 @@
-//! One tree of everything that the estimation may be told. No I/O.
+//! One tree of all options of the estimation. No I/O.
 //!
-//! [`Settings`] has a table for each part, by the names that files use: session files of the hub and settings files of the agent. Presets are
-//! values of it. A file gives [`SettingsKeys`]: what it leaves out is as its preset has it. [`Settings::of_file`] puts both together and
-//! refuses values outside of their ranges; [`Settings::document`] prints the tree with its units, ranges and meanings. Masks, and how logs
-//! are read, are not part of it.
+//! [`Settings`] has a table for each part, with the names used in files: session files of the hub and settings files of the agent. Presets
+//! are values of it. A file is read as [`SettingsKeys`]; omitted keys have the values of the preset. [`Settings::of_file`] combines both
+//! and refuses values outside of their ranges; [`Settings::document`] prints the tree with units, ranges and meanings. Masks, and options
+//! for reading logs, are not part of it.
 
 mod document;
 mod options;
@@ -26,20 +26,20 @@ pub use tables::{
 
 use table::Word;
 
-/// A value that makes no sense.
+/// Error for an invalid value.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("[{table}] {key} {reason}")]
 pub struct SettingsError {
-    /// The table, as `stochastic.code`.
+    /// Table of the key, as `stochastic.code`.
     pub table: String,
-    /// The key.
+    /// Name of the key.
     pub key: &'static str,
-    /// The value and what it may be.
+    /// The value and the allowed values.
     pub reason: String,
 }
 
 impl SettingsError {
-    /// What is wrong with the settings of a file, with the line where that stands in its text.
+    /// Error text with the line of the key in the text of the file.
     pub fn told(&self, text: &str) -> String {
         match line_of(text, &self.table, self.key) {
             Some(line) => format!("line {line}: {self}"),
@@ -49,17 +49,17 @@ impl SettingsError {
 }
 
 impl Preset {
-    /// Its name.
+    /// Name of the preset.
     pub fn name(self) -> &'static str {
         self.word()
     }
 }
 
 impl Settings {
-    /// What a file gives, on the preset that it names or else the default.
+    /// Settings of a file, based on its preset or else on the default.
     ///
     /// # Errors
-    /// A value that makes no sense.
+    /// An invalid value.
     pub fn of_file(given: &SettingsKeys) -> Result<Self, SettingsError> {
         let mut settings = Self::preset(given.filter.preset.unwrap_or_default());
         settings.take(given);
@@ -67,17 +67,17 @@ impl Settings {
         Ok(settings)
     }
 
-    /// Every key in the order of the tables.
+    /// All keys in the order of the tables.
     pub fn entries(&self) -> Vec<Entry> {
         let mut entries = Vec::new();
         self.visit("", &mut |entry| entries.push(entry));
         entries
     }
 
-    /// Checks every value, by itself and with the others of its table.
+    /// Checks every value by itself and with the others of its table.
     ///
     /// # Errors
-    /// A value that makes no sense.
+    /// An invalid value.
     pub fn check(&self) -> Result<(), SettingsError> {
         if let Some(Entry { table, key, range, unit, value, .. }) =
             self.entries().into_iter().find(|entry| !entry.is_within)
@@ -92,7 +92,7 @@ impl Settings {
         }
     }
 
-    /// The keys, by their paths, whose values are not those of `preset`, with their values.
+    /// Paths and values of the keys that differ from `preset`.
     pub fn changes_from(&self, preset: Preset) -> Vec<(String, toml::Value)> {
         let before = Self::preset(preset).entries();
         let changed =

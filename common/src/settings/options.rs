@@ -1,5 +1,5 @@
-//! Settings to the options of the parts, and back for the presets. Every option is named, so that one that is added to a part and not to
-//! the settings does not compile.
+//! Conversion of settings to the options of the parts, and back for the presets. Every option is named, so that an option without a setting
+//! does not compile.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use crate::measurement::{
 use crate::pipeline::PipelineOptions;
 use crate::statistics::ChiSquareThresholds;
 
-/// Stands for the standard deviation of uncorrected signals where they are dropped, m.
+/// Standard deviation of uncorrected signals in the settings if they are dropped, m.
 const UNCORRECTED_SIGMA_M: f64 = 5.0;
 
 impl Default for Settings {
@@ -29,12 +29,12 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// The values printed in Peng 2023, section 4; integrity, alignment and corrections as by default.
+    /// Values printed in Peng 2023, section 4; integrity, alignment and corrections as by default.
     pub fn peng2023() -> Self {
         Self::of(&PipelineOptions::peng2023(), &EngineOptions::peng2023())
     }
 
-    /// The settings of that name.
+    /// The settings of a preset.
     pub fn preset(preset: Preset) -> Self {
         match preset {
             Preset::Default => Self::default(),
@@ -42,7 +42,7 @@ impl Settings {
         }
     }
 
-    /// What the pipeline of a phone is told. Masks, and whether a recording's own corrections are taken, are set elsewhere.
+    /// Options of a phone's pipeline. Masks, and the use of a recording's own corrections, are set elsewhere.
     pub fn pipeline(&self) -> PipelineOptions {
         PipelineOptions {
             correction: self.correction_options(),
@@ -52,7 +52,7 @@ impl Settings {
         }
     }
 
-    /// What the joint estimator is told.
+    /// Options of the joint estimator.
     pub fn engine(&self) -> EngineOptions {
         EngineOptions {
             filter: self.filter.options(),
@@ -61,7 +61,7 @@ impl Settings {
         }
     }
 
-    /// How corrections of base stations are applied.
+    /// Options of base station corrections.
     pub fn differential(&self) -> DifferentialOptions {
         let CorrectionSettings { maximum_age_s, base, .. } = self.correction;
         DifferentialOptions {
@@ -79,11 +79,11 @@ impl Settings {
         }
     }
 
-    /// How epochs are brought together.
+    /// Options of the alignment of epochs.
     pub fn align(&self) -> AlignOptions {
         let AlignmentSettings { tolerance_s, simultaneous_s, maximum_step_s, maximum_wait_s } =
             self.alignment;
-        // Times beyond what a duration holds are outside of the range; see `Settings::check`.
+        // Times beyond the range of a duration are refused by `Settings::check`.
         let maximum_wait = Duration::try_from_secs_f64(maximum_wait_s).unwrap_or(Duration::MAX);
         AlignOptions { tolerance_s, simultaneous_s, maximum_step_s, maximum_wait }
     }
@@ -169,7 +169,7 @@ const fn terms(model: VarianceModel) -> (VarianceForm, [Option<f64>; 4]) {
     }
 }
 
-/// The model of [`terms`]. A value that is missing counts as 0; `Settings::check` refuses that.
+/// The inverse of [`terms`]. A missing value counts as 0; `Settings::check` refuses it.
 fn model(form: VarianceForm, terms: [Option<f64>; 4]) -> VarianceModel {
     let [a, b, ura, zenith] = terms.map(Option::unwrap_or_default);
     match form {
@@ -329,7 +329,7 @@ impl ConstraintSettings {
             (Widening::Peng, (Some(confidence), Some(factor), Some(max_iterations))) => {
                 Enlargement::Peng { confidence, factor, max_iterations }
             }
-            // What is incomplete is refused by `Settings::check`.
+            // Incomplete settings are refused by `Settings::check`.
             (Widening::Peng | Widening::Fixed, _) => Enlargement::Fixed,
         }
     }

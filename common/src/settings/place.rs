@@ -1,10 +1,10 @@
-//! Where a key stands in the text of a file.
+//! Position of a key in the text of a file.
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// The line, from 1 on, of `key` in the table `table` (as `stochastic.code`; empty for the root) of a TOML text, or else of the innermost
-/// table around it that is there.
+/// Line number, from 1, of `key` in the table `table` (as `stochastic.code`; empty for the root) of a TOML text, or else of the innermost
+/// existing table around it.
 pub fn line_of(text: &str, table: &str, key: &str) -> Option<usize> {
     let root = DeTable::parse(text).ok()?;
     let mut within = Some(root.get_ref());
@@ -18,7 +18,7 @@ pub fn line_of(text: &str, table: &str, key: &str) -> Option<usize> {
     Some(before.matches('\n').count() + 1)
 }
 
-/// Where a member of a table begins, and its value.
+/// Start and value of a member of a table.
 fn member<'t, 'i>(table: &'t DeTable<'i>, name: &str) -> Option<(usize, &'t Spanned<DeValue<'i>>)> {
     let (key, value) = table.iter().find(|(key, _)| key.get_ref() == name)?;
     Some((key.span().start, value))

@@ -1,4 +1,4 @@
-//! What the keys of a table have to do with one another.
+//! Dependencies between the keys of a table.
 
 use super::table::{Rules, Word};
 use super::tables::{
@@ -6,7 +6,7 @@ use super::tables::{
     FilterSettings, IntegritySettings, RateVariance, Settings, StochasticSettings, VarianceForm, Widening,
 };
 
-/// Algorithm 1's values, for files that choose it and say nothing else.
+/// Values of Algorithm 1 for files that choose it without further keys.
 const PENG_CONFIDENCE: f64 = 0.1;
 const PENG_FACTOR: f64 = 1.5;
 const PENG_ENLARGEMENTS: u32 = 50;
@@ -18,7 +18,7 @@ impl Rules for StochasticSettings {}
 impl Rules for IntegritySettings {}
 
 impl VarianceForm {
-    /// Whether it has floor, noise, ura and zenith.
+    /// Whether the form has floor, noise, ura and zenith.
     const fn terms(self) -> [bool; 4] {
         match self {
             Self::Cn0 | Self::Product => [true, true, false, false],
@@ -27,8 +27,8 @@ impl VarianceForm {
         }
     }
 
-    /// Drops the values that it has no use for and that a file did not give.
-    fn settle(self, keys: [&str; 4], values: [&mut Option<f64>; 4], is_given: &dyn Fn(&str) -> bool) {
+    /// Drops the values that the form does not use, unless a file gave them.
+    fn apply_choices(self, keys: [&str; 4], values: [&mut Option<f64>; 4], is_given: &dyn Fn(&str) -> bool) {
         for ((has, key), value) in self.terms().into_iter().zip(keys).zip(values) {
             if !has && !is_given(key) {
                 *value = None;
@@ -56,9 +56,9 @@ const CODE: [&str; 4] = ["floor_m2", "noise_m2", "ura_m", "zenith_m"];
 const RATE: [&str; 4] = ["floor_m2ps2", "noise_m2ps2", "ura_mps", "zenith_mps"];
 
 impl Rules for CodeVariance {
-    fn settle(&mut self, is_given: &dyn Fn(&str) -> bool) {
+    fn apply_choices(&mut self, is_given: &dyn Fn(&str) -> bool) {
         let Self { model, floor_m2, noise_m2, ura_m, zenith_m } = self;
-        model.settle(CODE, [floor_m2, noise_m2, ura_m, zenith_m], is_given);
+        model.apply_choices(CODE, [floor_m2, noise_m2, ura_m, zenith_m], is_given);
     }
 
     fn contradiction(&self) -> Option<(&'static str, String)> {
@@ -67,9 +67,9 @@ impl Rules for CodeVariance {
 }
 
 impl Rules for RateVariance {
-    fn settle(&mut self, is_given: &dyn Fn(&str) -> bool) {
+    fn apply_choices(&mut self, is_given: &dyn Fn(&str) -> bool) {
         let Self { model, floor_m2ps2, noise_m2ps2, ura_mps, zenith_mps } = self;
-        model.settle(RATE, [floor_m2ps2, noise_m2ps2, ura_mps, zenith_mps], is_given);
+        model.apply_choices(RATE, [floor_m2ps2, noise_m2ps2, ura_mps, zenith_mps], is_given);
     }
 
     fn contradiction(&self) -> Option<(&'static str, String)> {
@@ -88,7 +88,7 @@ impl Rules for FilterSettings {
 }
 
 impl Rules for ConstraintSettings {
-    fn settle(&mut self, is_given: &dyn Fn(&str) -> bool) {
+    fn apply_choices(&mut self, is_given: &dyn Fn(&str) -> bool) {
         match self.method {
             Combination::ExpectationPropagation => _ = self.damping.get_or_insert(0.0),
             Combination::Sequential if !is_given("damping") => self.damping = None,

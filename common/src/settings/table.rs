@@ -1,73 +1,73 @@
-//! What a table of settings is. [`tables!`] makes everything about a key from one place: the field with its documentation, the key as a
-//! file may give it, the check of its range, and the comment that is printed before it.
+//! Tables of settings. [`tables!`] generates everything about a key from one place: the documented field, the key in
+//! files, the check of its range, and its printed comment.
 
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 
 use toml::Value;
 
-/// A key of the settings with its value.
+/// A key of the settings with its value and description.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// The table, as `stochastic.code`.
+    /// Table of the key, as `stochastic.code`.
     pub table: String,
-    /// What the table is about.
+    /// Description of the table.
     pub about: String,
-    /// The key within its table.
+    /// Name of the key in its table.
     pub key: &'static str,
-    /// What the key means.
+    /// Meaning of the key.
     pub meaning: String,
-    /// The unit, or what else the value is: a word, a switch.
+    /// Unit, or the type of a value without unit: a word, a switch.
     pub unit: &'static str,
-    /// The values that are allowed, in words.
+    /// Allowed values in words.
     pub range: String,
-    /// The value; `None` where what is chosen elsewhere in the table has no use for the key.
+    /// Value; `None` if the choices in the table do not use the key.
     pub value: Option<Value>,
-    /// Whether the value is one of those that are allowed.
+    /// Whether the value is allowed.
     pub is_within: bool,
 }
 
 impl Entry {
-    /// Table and key, as `stochastic.code.floor_m2`.
+    /// Path of table and key, as `stochastic.code.floor_m2`.
     pub fn path(&self) -> String {
         join(&self.table, self.key)
     }
 }
 
-/// The path of `key` within the table `path`, which is empty for the root.
+/// Path of `key` in the table `path`, which is empty for the root.
 pub(super) fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }
 
-/// The lines of a documentation comment as one text.
+/// Joins the lines of a documentation comment to one text.
 pub(super) fn text(lines: &[&str]) -> String {
     lines.iter().map(|line| line.trim()).collect::<Vec<_>>().join(" ")
 }
 
-/// A value of a key.
+/// Type of a key's value.
 pub(super) trait Leaf {
-    /// How the values that are allowed are told.
+    /// Type of the allowed range.
     type Range;
 
-    /// The value as TOML has it, if there is one.
+    /// Value in TOML, if there is one.
     fn value(&self) -> Option<Value>;
 
-    /// Whether the value is one of those that are allowed.
+    /// Whether the value is in the range.
     fn is_within(&self, range: &Self::Range) -> bool;
 
-    /// The values that are allowed, in words.
+    /// Text of the range.
     fn range(range: &Self::Range) -> String;
 }
 
-/// A word out of a few.
+/// An enumeration written as a word.
 pub(super) trait Word: Copy + 'static {
-    /// The words and what they stand for.
+    /// All words with their values.
     const WORDS: &'static [(&'static str, Self)];
 
-    /// Whether both are the same.
+    /// Whether both values are equal.
     fn is(self, other: Self) -> bool;
 
-    /// The word.
+    /// Word of the value.
     fn word(self) -> &'static str {
         Self::WORDS.iter().find(|(_, value)| self.is(*value)).map_or("", |(word, _)| word)
     }
@@ -121,7 +121,7 @@ impl Leaf for bool {
     }
 }
 
-/// Of a key that goes with one choice and not with another.
+/// Value of a key that only some choices use.
 impl<T: Leaf> Leaf for Option<T> {
     type Range = T::Range;
 
@@ -147,13 +147,13 @@ pub(super) fn words_of<W: Word>() -> String {
             _ if index + 1 == W::WORDS.len() => " or ",
             _ => ", ",
         };
-        // Writing into a text cannot fail.
+        // Writing to a string cannot fail.
         let _ = write!(text, "{between}\"{word}\"");
     }
     text
 }
 
-/// A number as people write it.
+/// Text of a number.
 pub(super) fn number(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 || !size.is_finite() || (1e-3..1e5).contains(&size) {
@@ -163,14 +163,14 @@ pub(super) fn number(value: f64) -> String {
     }
 }
 
-/// What a table's keys have to do with one another.
+/// Dependencies between the keys of a table.
 pub(super) trait Rules {
-    /// Drops or fills what a choice of the table has no use for or needs; `is_given` tells which keys a file gave.
-    fn settle(&mut self, is_given: &dyn Fn(&str) -> bool) {
+    /// Drops unused and fills missing values according to the table's choices; `is_given` tells whether a file gave a key.
+    fn apply_choices(&mut self, is_given: &dyn Fn(&str) -> bool) {
         let _ = is_given;
     }
 
-    /// A key whose value does not go with the other keys of the table, and why.
+    /// A key that contradicts other keys of the table, and the reason.
     fn contradiction(&self) -> Option<(&'static str, String)> {
         None
     }
@@ -205,8 +205,8 @@ macro_rules! words {
     )+};
 }
 
-/// Makes tables of settings. Each has keys with unit and range, then tables within it, then keys that a file may have in it although
-/// they are no settings.
+/// Generates tables of settings. Each has keys with unit and range, then subtables, then keys that are allowed in a file without being
+/// settings.
 macro_rules! tables {
     ($(
         $(#[doc = $about:literal])+
@@ -239,18 +239,18 @@ macro_rules! tables {
         }
 
         impl $Name {
-            /// Takes over what a file gives.
+            /// Takes over the keys given in a file.
             pub(super) fn take(&mut self, given: &$Keys) {
                 $(if let Some(value) = given.$key { self.$key = value; })*
                 $(self.$sub.take(&given.$sub);)*
-                crate::settings::table::Rules::settle(self, &|key| {
+                crate::settings::table::Rules::apply_choices(self, &|key| {
                     $(if key == stringify!($key) { return given.$key.is_some(); })*
                     let _ = key;
                     false
                 });
             }
 
-            /// Shows every key in order; `path` is the table's own.
+            /// Visits all keys in order; `path` is the path of the table.
             pub(super) fn visit(&self, path: &str, visit: &mut dyn FnMut(crate::settings::Entry)) {
                 let _ = &visit;
                 let _about = crate::settings::table::text(&[$($about),+]);
@@ -270,7 +270,7 @@ macro_rules! tables {
                 $(self.$sub.visit(&crate::settings::table::join(path, stringify!($sub)), visit);)*
             }
 
-            /// The first key that does not go with the others, by table and key, and why.
+            /// The first contradiction between keys, with table, key and reason.
             pub(super) fn contradiction(&self, path: &str) -> Option<(String, &'static str, String)> {
                 if let Some((key, reason)) = crate::settings::table::Rules::contradiction(self) {
                     return Some((path.to_owned(), key, reason));
@@ -288,7 +288,7 @@ macro_rules! tables {
     )+};
 }
 
-/// A range for the documentation of the code.
+/// Text of a range for the documentation of the code.
 macro_rules! range_text {
     (()) => { "all values of the type" };
     ($($range:tt)+) => { concat!("`", stringify!($($range)+), "`") };

@@ -15,7 +15,7 @@ fn read(text: &str) -> Result<Settings, String> {
     Settings::of_file(&given).map_err(|error| error.told(text))
 }
 
-/// The paths of all keys of a table and of those within it.
+/// Paths of all keys of a table and its subtables.
 fn paths(path: &str, value: &Value, found: &mut BTreeSet<String>) {
     match value {
         Value::Table(table) => {
@@ -84,7 +84,7 @@ fn settings_are_serialised_and_read_whole() {
     }
 }
 
-/// Struct, file keys and printed text cannot drift apart.
+/// Struct, file keys and printed text have the same keys.
 #[test]
 fn every_key_is_printed_with_unit_range_and_meaning() {
     for preset in PRESETS {
@@ -114,7 +114,7 @@ fn every_key_is_printed_with_unit_range_and_meaning() {
     }
 }
 
-/// A key that has no use beside the choices of a preset is in the struct, in files and in the text nevertheless.
+/// A key that a preset's choices do not use is nevertheless in the struct, in files and in the text.
 #[test]
 fn keys_without_use_are_told() {
     let text = Settings::default().document(Preset::Default).to_string();
@@ -123,7 +123,7 @@ fn keys_without_use_are_told() {
     );
 }
 
-/// Every number has two ends, and is refused beyond them with its line, its name, its value and its range.
+/// Every number has two limits and is refused beyond them with its line, name, value and range.
 #[test]
 fn values_outside_of_their_ranges_are_refused_by_line() {
     let mut numbers = 0;
@@ -163,7 +163,7 @@ fn the_ends_of_the_ranges_are_allowed() {
                 } else {
                     text
                 };
-                // A value may still not go with another one; but then the reason is not its range.
+                // A value may still contradict another one, but then the reason is not its range.
                 let outcome = read(&text);
                 let is_range = |refused: &String| refused.contains("must lie within");
                 assert!(!outcome.as_ref().is_err_and(is_range), "{}: {outcome:?}", entry.path());
@@ -187,7 +187,7 @@ fn keys_override_their_preset() {
     assert!(peng.changes_from(Preset::Peng2023).is_empty());
 }
 
-/// What has to stand beside a key that becomes `new`.
+/// Keys needed in a file in which a key becomes `new`.
 fn needed_beside(entry: &Entry, new: &str) -> String {
     let unit = if entry.table.ends_with("rate") { "mps" } else { "m" };
     let variance = &entry.table;
@@ -201,7 +201,7 @@ fn needed_beside(entry: &Entry, new: &str) -> String {
     }
 }
 
-/// Each key that a file gives reaches the options: no two keys are mixed up, and none is forgotten.
+/// Each key in a file changes its own option; no two keys are mixed up or forgotten.
 #[test]
 fn every_key_reaches_the_options() {
     let told = |settings: &Settings| {
@@ -291,7 +291,7 @@ fn strange_keys_and_words_are_named_by_line() {
     }
 }
 
-/// The words that are told are the ones that are understood.
+/// The printed words are those accepted.
 #[test]
 fn words_are_those_of_the_types() {
     for entry in Settings::default().entries() {

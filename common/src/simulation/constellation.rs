@@ -1,9 +1,8 @@
-//! Satellites: three Walker-like constellations and a few inclined geosynchronous satellites, as broadcast ephemerides.
+//! Simulated satellites: three Walker-like constellations and a few inclined geosynchronous satellites, as broadcast ephemerides.
 //!
-//! The planes, inclinations and radii are those of the interface documents and of the published constellations;
-//! phases, eccentricities, clocks and group delays are drawn, so no real satellite is meant. One orbit is written
-//! down once per hour, each message describing exactly the same ellipse and clock, so that it does not matter which
-//! of them a user picks.
+//! Planes, inclinations and radii are those of the interface documents and the published constellations; phases, eccentricities, clocks and
+//! group delays are random, so they describe no real satellites. Each orbit is written as one message per hour. All messages of a satellite
+//! describe exactly the same ellipse and clock, so that the choice of the message does not matter.
 
 use std::f64::consts::TAU;
 
@@ -17,7 +16,7 @@ use crate::time::{BEIDOU_BEHIND_GPS_S, GpsTime, SECONDS_PER_WEEK};
 /// Time between messages of one satellite, s.
 const MESSAGE_INTERVAL_S: f64 = 3_600.0;
 
-/// A Walker pattern and what its satellites have in common.
+/// A Walker pattern with the common properties of its satellites.
 struct Shell {
     constellation: Constellation,
     message: NavigationMessage,
@@ -93,8 +92,8 @@ const BEIDOU_IGSO: Shell = Shell {
     accuracy_m: 2.0,
 };
 
-/// Ephemerides of all satellites: hourly, from the hour before the one that `from` lies in, so that a user who takes
-/// only messages of the past has one, to the first that is not before `to`.
+/// Hourly ephemerides of all satellites, from the hour before that of `from`, so that a user of past messages only
+/// has one, to the first that is not before `to`.
 pub(super) fn ephemerides(from: GpsTime, to: GpsTime, random: &mut impl Rng) -> Vec<KeplerEphemeris> {
     let hour = ((from.tow_s() / MESSAGE_INTERVAL_S).floor() - 1.0) * MESSAGE_INTERVAL_S;
     let first = GpsTime::from_week_tow(from.week(), hour);
@@ -177,7 +176,7 @@ impl Shell {
 }
 
 /// The same orbit and clock, with reference times `step_s` later. Within one week only the mean anomaly, inclination,
-/// node and clock polynomial change; across the week's end the node at the *new* week's start is another one.
+/// node and clock polynomial change; across the week's end the node refers to the start of the *new* week.
 fn restated(message: &KeplerEphemeris, step_s: f64) -> KeplerEphemeris {
     let (gravity, earth_radps) = gravity_and_rotation(message.satellite.constellation);
     let mean_motion_radps = gravity.sqrt() / message.sqrt_a.powi(3) + message.delta_n_radps;

@@ -1,4 +1,4 @@
-//! What is known about the phones of a scenario, as an observer would write it down: bounds that the truth keeps.
+//! Constraints on the phones of a scenario, as an observer would write them: bounds that the truth keeps.
 
 use crate::constraint::{Constraint, Distance, VerticalVelocity};
 
@@ -6,18 +6,18 @@ use super::Simulation;
 use super::mount::Mount;
 use super::scenario::PhoneOptions;
 
-/// Bounds between vehicles are written in steps of this, m.
+/// Step of the bounds between vehicles, m.
 const STEP_M: f64 = 0.1;
-/// Phones of one vehicle are said to be within a distance in steps of this, m, …
+/// Step of the bound between phones of one vehicle, m.
 const CABIN_STEP_M: f64 = 0.5;
-/// … that leaves at least so much room, m.
+/// Minimum margin of the bound between phones of one vehicle, m.
 const CABIN_ROOM_M: f64 = 0.5;
 
 impl Simulation {
     /// Constraints that the truth keeps: the distance of every pair.
     ///
-    /// Phones of one vehicle are within its cabin: one bound for all of them, with room. Between vehicles hold the convoy's
-    /// own bounds, enlarged by the phones' places in them.
+    /// Phones of one vehicle have one common upper bound with a margin. Between vehicles the bounds are those of the convoy,
+    /// enlarged by the phones' offsets in their vehicles.
     pub fn distance_constraints(&self) -> Vec<Constraint> {
         let phones = &self.scenario.phones;
         let count = phones.len();
@@ -46,11 +46,11 @@ impl Simulation {
         let steps = |length_m: f64| (length_m / STEP_M * 1e6).round() / 1e6;
         let shortest = steps((minimum_m - arms_m).max(0.0)).floor();
         let longest = steps(maximum_m + arms_m).ceil();
-        // In this order the decimals come out as they are written.
+        // In this order of operations the decimals are exact.
         (shortest / STEP_M.recip(), longest / STEP_M.recip())
     }
 
-    /// What the phones of a vehicle are within, m.
+    /// Upper bound of the distances between the phones of a vehicle, m.
     fn cabin_m(&self, vehicle: usize) -> f64 {
         let within: Vec<&PhoneOptions> =
             self.scenario.phones.iter().filter(|phone| phone.vehicle == vehicle).collect();

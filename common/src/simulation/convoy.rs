@@ -1,9 +1,9 @@
 //! Vehicles that follow each other on the road, and bounds on their distances.
 //!
-//! Vehicle n drives as the lead vehicle did n·τ earlier, n·d further back (Newell's car-following law), so the gap
-//! along the road lies between d (standing) and d + τ·v. Each follower's gap also varies smoothly with the place, by
-//! at most A, and each vehicle moves sideways in its lane by at most O. Standing vehicles stand still. A phone keeps its
-//! place in its vehicle, which points along the road.
+//! Vehicle n moves as the lead vehicle did n·τ earlier, n·d further back (Newell's car-following law), so the gap
+//! along the road lies between d (standing) and d + τ·v. Each follower's gap also varies smoothly along the road, by
+//! at most A, and each vehicle moves sideways in its lane by at most O. Standing vehicles stand still. A phone is fixed
+//! in its vehicle, which points along the road.
 
 use std::f64::consts::TAU;
 
@@ -18,36 +18,36 @@ const VARIATION_PERIOD_M: f64 = 430.0;
 /// Mean Earth radius, for the drop of the horizon below the tangent plane, m.
 const EARTH_RADIUS_M: f64 = 6_371_000.0;
 
-/// Smallest bound of a vertical velocity, m/s: a constraint needs some room.
+/// Minimum bound of a vertical velocity, m/s.
 const LEAST_VERTICAL_MPS: f64 = 0.05;
 
-/// How the vehicles move.
+/// Motion of the vehicles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Traffic {
-    /// They drive through a town, with stops.
+    /// Driving through a town, with stops.
     #[default]
     Town,
-    /// They stand.
+    /// Standing.
     Standing,
 }
 
-/// How the vehicles move and keep their distance.
+/// Motion and distances of the vehicles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConvoyOptions {
-    /// How they move.
+    /// Motion of the vehicles.
     pub traffic: Traffic,
     /// Distance between phones of adjacent standing vehicles (d), m.
     pub standstill_gap_m: f64,
     /// Time gap (τ), s.
     pub headway_s: f64,
-    /// Largest variation of a follower's place (A), m.
+    /// Maximum variation of a follower's gap (A), m.
     pub gap_variation_m: f64,
-    /// Largest sideways offset from the lane's centre (O), m.
+    /// Maximum sideways offset from the lane's centre (O), m.
     pub lateral_m: f64,
 }
 
 impl Default for ConvoyOptions {
-    /// About 16 m at a light and 26 m at 14 m/s.
+    /// Gaps of about 16 m at a light and 26 m at 14 m/s.
     fn default() -> Self {
         Self {
             traffic: Traffic::Town,
@@ -59,14 +59,14 @@ impl Default for ConvoyOptions {
     }
 }
 
-/// Where a vehicle, or a phone in it, is.
+/// State of a vehicle or of a phone in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VehicleState {
     /// Position, m.
     pub position: Ecef,
     /// Velocity, m/s.
     pub velocity: EcefVector,
-    /// Its place on the road.
+    /// Place on the road.
     pub(super) place: RoadPlace,
 }
 
@@ -100,12 +100,12 @@ impl Convoy {
         &self.frame
     }
 
-    /// Vehicle `vehicle` at `time_s` since the start.
+    /// State of vehicle `vehicle` at `time_s` since the start.
     pub fn state(&self, vehicle: usize, time_s: f64) -> VehicleState {
         self.phone_state(vehicle, &Mount::default(), time_s)
     }
 
-    /// A phone in vehicle `vehicle` at `time_s` since the start.
+    /// State of a phone in vehicle `vehicle` at `time_s` since the start.
     pub fn phone_state(&self, vehicle: usize, mount: &Mount, time_s: f64) -> VehicleState {
         let (road_m, road_mps) = self.along(vehicle, time_s);
         let point = self.road.at(road_m);
@@ -133,17 +133,17 @@ impl Convoy {
         }
     }
 
-    /// Largest speed along the lane's centre, m/s.
+    /// Maximum speed along the lane's centre, m/s.
     pub fn maximum_speed_mps(&self) -> f64 {
         self.profile.maximum_speed_mps() * (1.0 + self.options.gap_variation_m * TAU / VARIATION_PERIOD_M)
     }
 
-    /// Bound of |vertical velocity| at the vehicle, m/s.
+    /// Maximum |vertical velocity| of the vehicle, m/s.
     pub fn maximum_vertical_mps(&self) -> f64 {
         (self.maximum_speed_mps() * (self.road.maximum_slope() + 1e-3)).max(LEAST_VERTICAL_MPS)
     }
 
-    /// Bounds (m) that the distance of two vehicles keeps at every common instant.
+    /// Lower and upper bound (m) of the distance of two vehicles at every common instant.
     ///
     /// With g the gap along the road and R the smallest radius, the chord of the centre line is at least
     /// 2R·sin(g/2R) (Schur's comparison) and at most g; sideways offsets add at most 2·O, the slope at most its
@@ -180,20 +180,21 @@ impl Convoy {
     }
 }
 
-/// A place beside a point of the centre line.
+/// An offset from a point of the centre line.
 struct Beside {
-    /// Ahead of it, in the road's direction there, m.
+    /// Offset in the road's direction, m.
     forward_m: f64,
-    /// To the right of it, m.
+    /// Offset to the right, m.
     right_m: f64,
-    /// Change of that per metre of road.
+    /// Change of `right_m` per metre of road.
     right_rate: f64,
-    /// Above it, m.
+    /// Offset upwards, m.
     up_m: f64,
 }
 
 impl Beside {
-    /// Local coordinates, and their derivative by the road's length. The tangent plane is bent down to the curved Earth.
+    /// Local coordinates, and their derivative with respect to the length along the road. The tangent plane is bent down to the curved
+    /// Earth.
     fn place(&self, point: &RoadPoint) -> (Enu, Enu) {
         let Self { forward_m, right_m, right_rate, up_m } = *self;
         let (sin, cos) = point.heading_rad.sin_cos();

@@ -1,10 +1,10 @@
-//! Errors of a phone's measurements, and the random processes that they follow.
+//! Errors of a phone's measurements, and their random processes.
 //!
-//! Three kinds of error come from surroundings. *Façades* beside the road hide satellites and reflect them
-//! ([`super::street`]); what arrives is the sum of the direct and the reflected signal ([`Mixture`]). *Diffuse
+//! Three kinds of error come from the surroundings. *Façades* beside the road hide satellites and reflect them
+//! ([`super::street`]); the received signal is the sum of the direct and the reflected signal ([`Mixture`]). *Diffuse
 //! multipath* of everything else is a first-order Gauss-Markov process of unit variance,
 //! x ← x·e^(−Δt/τ) + √(1 − e^(−2Δt/τ))·n, scaled by elevation and surroundings; part of it is common to the phones of one
-//! vehicle. Now and then a satellite is received by a *passing reflection* only (vans, lorries): a constant positive
+//! vehicle. *Passing reflections* (vans, lorries): occasionally a satellite is received by reflection only, with a constant positive
 //! error for some seconds.
 
 use rand::Rng;
@@ -17,36 +17,36 @@ pub struct ErrorModel {
     pub code_a_m2: f64,
     /// b in m²·Hz.
     pub code_b_m2hz: f64,
-    /// Range-rate noise, likewise: a in m²/s².
+    /// Range-rate noise of the same form: a in m²/s².
     pub rate_a_m2ps2: f64,
     /// b in m²/s²·Hz.
     pub rate_b_m2ps2hz: f64,
     /// Standard deviation of the multipath at the horizon in open surroundings, m.
     pub multipath_open_m: f64,
-    /// The same in a canyon, m.
+    /// Standard deviation of the multipath at the horizon in a canyon, m.
     pub multipath_canyon_m: f64,
     /// Correlation time τ of the multipath, s.
     pub multipath_correlation_s: f64,
-    /// Share of the multipath's variance that is common to the phones of one vehicle, 0 to 1.
+    /// Fraction of the multipath's variance that is common to the phones of one vehicle, 0 to 1.
     pub multipath_shared: f64,
     /// Passing reflections per satellite and second.
     pub outliers_hz: f64,
-    /// Share of the façades that reflect, 0 to 1.
+    /// Fraction of the façades that reflect, 0 to 1.
     pub facades_reflecting: f64,
     /// Standard deviation of the shadowing, dB; twice that in a canyon.
     pub shadowing_db: f64,
-    /// Standard deviation of a satellite's range by its message: orbit and clock, constant, the same at all phones, m.
+    /// Standard deviation of the range error by orbit and clock of the message, constant and the same at all phones, m.
     pub signal_in_space_m: f64,
-    /// Ionosphere: true delay over the broadcast model's.
+    /// Ratio of the true ionospheric delay to that of the broadcast model.
     pub ionosphere_scale: f64,
-    /// Troposphere: true delay over the model's.
+    /// Ratio of the true tropospheric delay to that of the model.
     pub troposphere_scale: f64,
-    /// Standard deviation of the satellites' L5 delays, which no simulated message carries, m.
+    /// Standard deviation of the satellites' L5 delays, which are in no simulated message, m.
     pub l5_delay_m: f64,
 }
 
 impl Default for ErrorModel {
-    /// Phones in cars: metres of noise, metres of multipath, tens of metres now and then.
+    /// Phones in cars: metres of noise, metres of multipath, occasionally tens of metres.
     fn default() -> Self {
         Self {
             code_a_m2: 0.25,
@@ -69,7 +69,7 @@ impl Default for ErrorModel {
 }
 
 impl ErrorModel {
-    /// No errors at all: only geometry, clocks, inter-system biases, and delays that the models remove exactly.
+    /// No errors: only geometry, clocks, inter-system biases, and delays that the models remove exactly.
     pub const fn none() -> Self {
         Self {
             code_a_m2: 0.0,
@@ -107,22 +107,22 @@ impl ErrorModel {
     }
 }
 
-/// What arrives of a satellite: the direct signal, a reflected one, or both.
+/// Received signal of a satellite: the direct signal, a reflected signal, or both.
 ///
-/// With the relative amplitude α, the phase φ and the delay d of the reflection, a delay short against a chip moves the
-/// code by d·α(α + cos φ)/(1 + 2α·cos φ + α²) and changes the strength by |1 + α·e^(iφ)| (Kaplan & Hegarty,
+/// With the relative amplitude α, the phase φ and the delay d of the reflection, a delay that is short against a chip shifts the
+/// code by d·α(α + cos φ)/(1 + 2α·cos φ + α²) and changes the amplitude by |1 + α·e^(iφ)| (Kaplan & Hegarty,
 /// "Understanding GPS/GNSS", ch. 9, for a narrow correlator). Without the direct signal (α → ∞) the error is d.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mixture {
-    /// Strength against an undisturbed direct signal, dB.
+    /// Signal power relative to an undisturbed direct signal, dB.
     pub gain_db: f64,
-    /// Share of the reflection's delay that the code is late by.
+    /// Code delay as a fraction of the reflection's delay.
     pub delayed: f64,
 }
 
 impl Mixture {
-    /// Of a direct and a reflected signal by their losses (dB, `None` when absent), at a phase (rad); `None` when
-    /// nothing arrives.
+    /// The mixture of a direct and a reflected signal by their losses (dB, `None` if absent), at a phase (rad); `None` without
+    /// any signal.
     pub(super) fn of(direct_db: Option<f64>, reflected_db: Option<f64>, phase_rad: f64) -> Option<Self> {
         match (direct_db, reflected_db) {
             (None, None) => None,
@@ -131,7 +131,7 @@ impl Mixture {
             (Some(direct_db), Some(reflected_db)) => {
                 let alpha = 10_f64.powf((direct_db - reflected_db) / 20.0);
                 let power = 1.0 + alpha * (2.0 * phase_rad.cos() + alpha);
-                // Two equal signals may cancel out: 40 dB are lost anyway.
+                // Two equal signals may cancel; the loss is limited to 40 dB.
                 let power = power.max(1e-4);
                 Some(Self {
                     gain_db: 10.0 * power.log10() - direct_db,
@@ -171,9 +171,9 @@ pub(super) struct Outlier {
 }
 
 impl Outlier {
-    /// Advances by `step_s` with `rate_hz` beginnings per second; returns the error, m, 0 when there is none.
+    /// Advances by `step_s` with `rate_hz` onsets per second; returns the error, m, 0 without an outlier.
     ///
-    /// The number of draws does not depend on the outcome, so that options change only what they concern.
+    /// The number of draws does not depend on the outcome, so that an option changes only its own effects.
     pub(super) fn advance(&mut self, step_s: f64, rate_hz: f64, random: &mut impl Rng) -> f64 {
         let (chance, duration, size) =
             (random.random::<f64>(), random.random::<f64>(), random.random::<f64>());

@@ -1,10 +1,10 @@
-//! The path of a signal: light time, rotation of the Earth, and the exact derivative of both.
+//! Signal path: light time, rotation of the Earth, and the exact derivative of both.
 //!
 //! With the satellite's state (r, v) at transmission, the flight time τ and the rotation R(ω_E·τ) from the Earth-fixed
 //! frame of the transmission to that of the reception, s = R·r and the range is ρ = cτ = |s − r_k|, solved by
-//! iteration. Its derivative by the time of reception follows from ds/dt = (1 − τ̇)·R·v + τ̇·ω_E·(s_y, −s_x, 0) with
-//! τ̇ = ρ̇/c: ρ̇ = u·(R·v − v_k) / (1 − u·(ω_E·(s_y, −s_x, 0) − R·v)/c). The usual (v_s − v_k)·u, which a
-//! receiver uses, is off by some millimetres per second.
+//! iteration. Its derivative with respect to the time of reception follows from ds/dt = (1 − τ̇)·R·v + τ̇·ω_E·(s_y, −s_x, 0) with
+//! τ̇ = ρ̇/c: ρ̇ = u·(R·v − v_k) / (1 − u·(ω_E·(s_y, −s_x, 0) − R·v)/c). The usual approximation (v_s − v_k)·u of
+//! receivers differs by some millimetres per second.
 
 use nalgebra::Vector3;
 
@@ -13,28 +13,28 @@ use crate::frames::{Ecef, EcefVector};
 use crate::orbit::SatelliteState;
 use crate::time::GpsTime;
 
-/// Flight time from a medium orbit, to begin with, s.
+/// Initial flight time, typical for a medium orbit, s.
 const TYPICAL_FLIGHT_S: f64 = 0.075;
-/// Iterations of the light time; each gains a factor v/c ≈ 3e-6, so that two leave less than a picosecond.
+/// Iterations of the light time; each reduces the error by v/c ≈ 3e-6, so that less than a picosecond is left after two.
 const ITERATIONS: usize = 2;
 
-/// A signal's path to a receiver.
+/// Path of a signal to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Path {
     /// Range ρ, m.
     pub range_m: f64,
-    /// Its derivative by the time of reception, m/s.
+    /// Derivative of the range with respect to the time of reception, m/s.
     pub range_rate_mps: f64,
     /// Unit vector from receiver to satellite, in the frame of the reception.
     pub unit: Vector3<f64>,
-    /// The satellite's clock at transmission, s.
+    /// Satellite clock at transmission, s.
     pub clock_s: f64,
-    /// Its drift, s/s.
+    /// Satellite clock drift, s/s.
     pub clock_drift_sps: f64,
 }
 
-/// Solves the light time for a receiver at `position` with `velocity` at `receive`; `satellite` gives the satellite's
-/// state at an instant. `None` when it cannot.
+/// Solves the light time for a receiver at `position` with `velocity` at `receive`; `satellite` returns the satellite's
+/// state at an instant. `None` without a state.
 pub(super) fn path(
     receive: GpsTime,
     position: Ecef,
@@ -65,7 +65,7 @@ pub(super) fn path(
     })
 }
 
-/// A vector in the Earth-fixed frame as it is `flight_s` later.
+/// A vector of the Earth-fixed frame in the frame `flight_s` later.
 fn rotated(vector: Vector3<f64>, flight_s: f64) -> Vector3<f64> {
     let (sin, cos) = (EARTH_ROTATION_RADPS * flight_s).sin_cos();
     Vector3::new(cos * vector.x + sin * vector.y, cos * vector.y - sin * vector.x, vector.z)
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
     use crate::orbit::ClockReference;
 
-    /// A satellite and a receiver on straight lines in the Earth-fixed frame: the derivative must be that of the range.
+    /// For a satellite and a receiver on straight lines in the Earth-fixed frame, the rate equals the derivative of the range.
     #[test]
     fn the_rate_is_the_derivative_of_the_range() {
         let start = GpsTime::from_week_tow(2400, 1_000.0);

@@ -1,19 +1,19 @@
-//! Seeded, simulated drives with truth: for demonstrations, samples, and tests that need no files.
+//! Seeded, simulated drives with truth, for demonstrations, samples, and tests without files.
 //!
-//! A [`Scenario`] says what happens, a [`Simulation`] makes it: vehicles with one phone or more follow each other on a
-//! closed road, stop at lights and pass streets between houses, or stand; GPS, Galileo and BeiDou satellites are described
-//! by the same broadcast messages that a receiver uses; and every phone records code and Doppler on its own time tags by
-//! its own clock. The truth belongs to the true instant of reception.
+//! A [`Scenario`] describes a drive and a [`Simulation`] computes it: vehicles with one or more phones follow each other on a
+//! closed road, stop at lights and pass streets between houses, or stand. GPS, Galileo and BeiDou satellites are described
+//! by the broadcast messages that receivers use. Every phone records code and Doppler at time tags of
+//! its own clock. The truth refers to the true instant of reception.
 //!
-//! | file | what it holds |
+//! | file | content |
 //! |---|---|
-//! | `scenario`, `named` | what to simulate; the scenarios that have a name |
-//! | `road`, `profile`, `convoy`, `mount` | where vehicles and phones are |
+//! | `scenario`, `named` | scenarios, and those with a name |
+//! | `road`, `profile`, `convoy`, `mount` | positions of vehicles and phones |
 //! | `street` | houses that hide and reflect satellites |
 //! | `constellation`, `satellites`, `geometry` | orbits, messages, light time |
 //! | `environment`, `tracks`, `receiver` | errors, their random processes, clocks |
-//! | `observations` | all of it together: epochs |
-//! | `constraints` | what is known about the phones, and true |
+//! | `observations` | epochs from all of these |
+//! | `constraints` | true constraints on the phones |
 //!
 //! ```
 //! use cofix_common::simulation::{Scenario, Simulation};
@@ -27,11 +27,11 @@
 //! # Ok::<(), cofix_common::simulation::ScenarioError>(())
 //! ```
 //!
-//! Everything random follows from the seed. The constellation, each phone's clock, each satellite at each phone, and
-//! each piece of a façade have ChaCha streams of their own, so results do not depend on which phone is asked first.
-//! Sines and exponentials come from the platform, so two platforms may differ in the last digits.
+//! All random values follow from the seed. The constellation, each phone's clock, each satellite at each phone, and
+//! each piece of a façade have their own ChaCha streams, so results do not depend on the order in which phones are simulated.
+//! Sines and exponentials are those of the platform, so two platforms may differ in the last digits.
 //!
-//! Phones of one vehicle share what they share on a real one: errors of orbits, clocks and atmosphere, reflections by
+//! Phones of one vehicle have common errors as in a real one: errors of orbits, clocks and atmosphere, reflections by
 //! houses, and a part of the diffuse multipath. Not simulated: carrier phase, cycle slips, GLONASS, diffraction at roofs,
 //! second reflections, and any dependence of the multipath's correlation on speed.
 
@@ -70,13 +70,13 @@ use crate::time::GpsTime;
 use random::Streams;
 use satellites::SimulatedSatellite;
 
-/// The ionosphere that the messages tell: a day of moderate solar activity.
+/// Broadcast ionosphere coefficients: a day of moderate solar activity.
 const KLOBUCHAR: KlobucharCoefficients = KlobucharCoefficients {
     alpha: [1.3e-8, 1.5e-8, -6.0e-8, -6.0e-8],
     beta: [1.05e5, 4.9e4, -1.3e5, -2.6e5],
 };
 
-/// A scenario at work.
+/// A prepared scenario.
 #[derive(Clone, Debug)]
 pub struct Simulation {
     scenario: Scenario,
@@ -86,17 +86,17 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// Sets up a scenario.
+    /// Prepares a scenario.
     ///
     /// # Errors
     ///
-    /// The first field of the scenario that cannot be simulated.
+    /// The first invalid field of the scenario.
     pub fn new(scenario: Scenario) -> Result<Self, ScenarioError> {
         scenario.validate()?;
         let streams = Streams::new(scenario.seed);
         let ephemerides =
             constellation::ephemerides(scenario.start_gps, scenario.end_gps(), &mut streams.world());
-        let satellites = SimulatedSatellite::group(&ephemerides, &mut streams.untold());
+        let satellites = SimulatedSatellite::group(&ephemerides, &mut streams.satellite_errors());
         let convoy = Convoy::new(scenario.origin, scenario.convoy);
         Ok(Self { scenario, convoy, ephemerides, satellites })
     }
@@ -106,12 +106,12 @@ impl Simulation {
         &self.scenario
     }
 
-    /// The vehicles.
+    /// Vehicles of the scenario.
     pub const fn convoy(&self) -> &Convoy {
         &self.convoy
     }
 
-    /// Names of the phones; their position here is their index everywhere.
+    /// Names of the phones, in the order of their indices.
     pub fn phone_names(&self) -> Vec<&str> {
         self.scenario.phones.iter().map(|phone| phone.name.as_str()).collect()
     }
@@ -127,7 +127,7 @@ impl Simulation {
         &KLOBUCHAR
     }
 
-    /// All that a receiver is told, as if read from a navigation file.
+    /// All messages for a receiver, as if read from a navigation file.
     pub fn navigation(&self) -> NavigationFile {
         NavigationFile {
             ephemerides: self.ephemerides.clone(),
@@ -137,28 +137,28 @@ impl Simulation {
         }
     }
 
-    /// The products that a receiver corrects with.
+    /// Products for the corrections of a receiver.
     pub fn products(&self) -> Products {
         Products::new(Vec::new(), vec![self.navigation()])
     }
 
-    /// A satellite's state by its message in force; `None` for a satellite that does not exist.
+    /// Satellite state by the message in force; `None` for a satellite that does not exist.
     pub fn satellite_state(&self, satellite: SatelliteId, time_gps: GpsTime) -> Option<SatelliteState> {
         let found = self.satellites.iter().find(|simulated| simulated.id() == satellite)?;
         found.state(time_gps)
     }
 
-    /// The epochs of a phone in order of time; none for an index without a phone.
+    /// Epochs of a phone in order of time; empty for an index without a phone.
     pub fn epochs(&self, phone: usize) -> impl Iterator<Item = SimulatedEpoch> {
         self.phone(phone).into_iter().flatten()
     }
 
-    /// The generator of a phone's epochs.
+    /// Generator of a phone's epochs.
     pub fn phone(&self, phone: usize) -> Option<PhoneEpochs<'_>> {
         self.scenario.phones.get(phone).map(|options| PhoneEpochs::new(self, phone, options))
     }
 
-    /// Where a phone truly is at any instant. An index without a phone stands for the vehicle of that rank.
+    /// True state of a phone at any instant. An index without a phone means the vehicle of that rank.
     pub fn truth_at(&self, phone: usize, time_gps: GpsTime) -> TruthState {
         let options = self.scenario.phones.get(phone);
         let (vehicle, mount) =
@@ -167,7 +167,7 @@ impl Simulation {
         TruthState { time_gps, position: state.position, velocity: state.velocity }
     }
 
-    /// The truth of a phone at the start and every second after it, to the end.
+    /// Truth of a phone every second from the start to the end.
     pub fn truth_table(&self, phone: usize) -> Vec<TruthState> {
         let seconds = self.scenario.duration_s.floor();
         std::iter::successors(Some(0.0), |second| Some(second + 1.0))

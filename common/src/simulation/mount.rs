@@ -1,21 +1,21 @@
-//! Where a phone is in its vehicle.
+//! Mounting of a phone in its vehicle.
 
 use crate::frames::Direction;
 
-/// A phone's place in its vehicle, and what the vehicle's body costs it.
+/// Place and orientation of a phone in its vehicle, and the attenuation by the vehicle's body.
 ///
-/// A phone behind glass sees the sky on its own side and the rest through roof and doors: the loss of a signal is
-/// C + L·(1 − cos e·cos δ)/2, with the angle δ between its azimuth and the side that the phone faces, and its elevation e:
-/// C at the horizon in front, half of L more at the zenith, all of L more behind.
+/// A phone behind glass receives the sky on its own side directly and the rest through roof and doors. The loss of a signal is
+/// C + L·(1 − cos e·cos δ)/2, with its elevation e and the angle δ between its azimuth and the side that the phone faces:
+/// C at the horizon in front, C + L/2 at the zenith, C + L behind.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mount {
-    /// Ahead of the vehicle's reference point, m.
+    /// Distance ahead of the vehicle's reference point, m.
     pub forward_m: f64,
-    /// To the right of it, m.
+    /// Distance to the right of the reference point, m.
     pub right_m: f64,
-    /// Above it, m.
+    /// Height above the reference point, m.
     pub up_m: f64,
-    /// Where it faces, rad clockwise from the vehicle's heading.
+    /// Direction that the phone faces, rad clockwise from the vehicle's heading.
     pub faces_rad: f64,
     /// Loss L, dB.
     pub body_loss_db: f64,
@@ -24,18 +24,18 @@ pub struct Mount {
 }
 
 impl Mount {
-    /// In the open at this place.
+    /// A phone in the open, without losses.
     pub const fn open(forward_m: f64, right_m: f64, up_m: f64) -> Self {
         Self { forward_m, right_m, up_m, faces_rad: 0.0, body_loss_db: 0.0, cabin_loss_db: 0.0 }
     }
 
-    /// Behind glass that faces `faces_deg` degrees clockwise from the vehicle's heading.
+    /// A phone behind glass that faces `faces_deg` degrees clockwise from the vehicle's heading.
     pub const fn behind_glass(forward_m: f64, right_m: f64, faces_deg: f64) -> Self {
         let faces_rad = faces_deg.to_radians();
         Self { faces_rad, body_loss_db: BODY_LOSS_DB, ..Self::open(forward_m, right_m, 0.0) }
     }
 
-    /// Low in the cabin, as in a cup holder, where everything comes through roof and doors.
+    /// A phone low in the cabin, as in a cup holder, with losses by roof and doors in all directions.
     pub const fn in_cabin(forward_m: f64, right_m: f64, up_m: f64) -> Self {
         Self { cabin_loss_db: BODY_LOSS_DB, ..Self::open(forward_m, right_m, up_m) }
     }
@@ -46,7 +46,7 @@ impl Mount {
         across_m.hypot(self.up_m - other.up_m)
     }
 
-    /// Loss (dB) of a signal from `direction` in a vehicle that points to `heading_rad`.
+    /// Loss (dB) of a signal from `direction` in a vehicle with heading `heading_rad`.
     pub(super) fn loss_db(&self, heading_rad: f64, direction: Direction) -> f64 {
         let off_rad = direction.azimuth_rad - heading_rad - self.faces_rad;
         self.cabin_loss_db + 0.5 * self.body_loss_db * (1.0 - direction.elevation_rad.cos() * off_rad.cos())

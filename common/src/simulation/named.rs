@@ -1,19 +1,19 @@
-//! Scenarios that have a name.
+//! Scenarios with a name.
 
 use super::convoy::{ConvoyOptions, Traffic};
 use super::mount::Mount;
 use super::scenario::{PhoneOptions, STREET, Scenario};
 use super::street::Canyon;
 
-/// Behind the windscreen, in the cup holder.
+/// Mounts behind the windscreen and in the cup holder.
 const WINDSCREEN: Mount = Mount::behind_glass(0.7, -0.2, 0.0);
 const CUP_HOLDER: Mount = Mount::in_cabin(0.2, 0.0, -0.4);
-/// Places in the car of the car scenario, in turn; the last two at the side windows.
+/// Mounts in the car of the car scenario, used in turn; the last two at the side windows.
 const CAR: [Mount; 4] =
     [WINDSCREEN, CUP_HOLDER, Mount::behind_glass(0.1, 0.5, 90.0), Mount::behind_glass(0.1, -0.5, 270.0)];
-/// Places in each car of the canyon scenario, in turn; the last on the roof.
+/// Mounts in each car of the canyon scenario, used in turn; the last on the roof.
 const CAR_WITH_ROOF: [Mount; 3] = [WINDSCREEN, CUP_HOLDER, Mount::open(0.3, 0.0, 0.5)];
-/// Places on a table.
+/// Mounts on a table.
 const TABLE: [Mount; 4] = [
     Mount::open(0.0, 0.0, 0.0),
     Mount::open(0.0, 0.3, 0.0),
@@ -24,19 +24,19 @@ const TABLE: [Mount; 4] = [
 const OLD_TOWN_M: (f64, f64) = (700.0, 3_100.0);
 
 impl Scenario {
-    /// Cars with one phone each, on the roof, follow each other on a road with a street of four storeys.
+    /// Cars with one phone each on the roof, following each other on a road with a street of four storeys.
     pub fn convoy(phones: usize) -> Self {
         Self { phones: (0..phones).map(PhoneOptions::of_vehicle).collect(), ..Self::default() }
     }
 
-    /// Phones in one car, behind the windscreen, in the cup holder and at the side windows, on the same road.
+    /// Phones in one car on the same road: behind the windscreen, in the cup holder and at the side windows.
     pub fn car(phones: usize) -> Self {
         let phones = (0..phones).map(|index| mounted(index, 0, in_turn(&CAR, index))).collect();
         Self { phones, canyons: vec![Canyon::symmetric(2_100.0, 2_950.0, STREET)], ..Self::default() }
     }
 
     /// Two cars, one behind the other, with half of the phones each, behind the windscreen, in the cup holder and on the
-    /// roof, drive in and out of an old town with narrow streets and side streets.
+    /// roof, driving in and out of an old town with narrow streets and side streets.
     pub fn canyon(phones: usize) -> Self {
         let per_car = phones.div_ceil(2).max(1);
         let phone = |index: usize| mounted(index, index / per_car, in_turn(&CAR_WITH_ROOF, index % per_car));
@@ -60,7 +60,7 @@ fn mounted(index: usize, vehicle: usize, mount: Mount) -> PhoneOptions {
     PhoneOptions { vehicle, mount, ..PhoneOptions::of_vehicle(index) }
 }
 
-/// The places in turn; from the second round on, a hand's breadth further.
+/// The mounts in turn; from the second round on displaced by a few centimetres.
 fn in_turn(places: &[Mount], index: usize) -> Mount {
     let round = (index / places.len().max(1)) as f64;
     let place = places.get(index % places.len().max(1)).copied().unwrap_or_default();

@@ -7,8 +7,8 @@
 //! −λD = ρ̇ + c·(ḋt_r − ḋT_s) + reflection + noise
 //! ```
 //!
-//! The reflection is that of [`super::street`] by its share in what arrives. I and T are the delays of the models that a receiver corrects with (Klobuchar, and Saastamoinen at
-//! [`STANDARD_RELATIVE_HUMIDITY`]), times a scale that is not one.
+//! The reflection is that of [`super::street`] with its weight in the received signal. I and T are the delays of a receiver's models
+//! (Klobuchar, and Saastamoinen at [`STANDARD_RELATIVE_HUMIDITY`]), times a scale different from one.
 
 use std::f64::consts::PI;
 
@@ -38,10 +38,10 @@ const LOST_BELOW_DBHZ: f64 = 18.0;
 /// Loss of a passing reflection, dB.
 const PASSING_LOSS_DB: f64 = 8.0;
 
-/// Where a phone truly was.
+/// True state of a phone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TruthState {
-    /// The instant, GPS time.
+    /// Time of the state, GPS time.
     pub time_gps: GpsTime,
     /// Position, m.
     pub position: Ecef,
@@ -54,22 +54,22 @@ pub struct TruthState {
 pub struct Fault {
     /// The satellite.
     pub satellite: SatelliteId,
-    /// The error on all its pseudoranges, m.
+    /// Error on all its pseudoranges, m.
     pub error_m: f64,
 }
 
-/// An epoch with what only a simulation knows.
+/// An epoch with its truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatedEpoch {
-    /// The raw observations, in the order of satellites.
+    /// The raw observations, ordered by satellite.
     pub epoch: ObservationEpoch,
-    /// The truth at the instant of reception, which is the time tag minus the clock bias.
+    /// Truth at the instant of reception, which is the time tag minus the clock bias.
     pub truth: TruthState,
     /// The phone's clock.
     pub clock: ClockState,
     /// Satellites in `epoch` with a gross error.
     pub faults: Vec<Fault>,
-    /// Whether there were houses right beside the phone.
+    /// Whether there were houses directly beside the phone.
     pub in_canyon: bool,
 }
 
@@ -88,7 +88,7 @@ pub struct PhoneEpochs<'a> {
     tag_index: f64,
 }
 
-/// Everything about one epoch that its satellites share.
+/// Data common to all satellites of an epoch.
 struct Instant<'a> {
     epochs: &'a PhoneEpochs<'a>,
     truth: TruthState,
@@ -98,14 +98,14 @@ struct Instant<'a> {
     heading_rad: f64,
 }
 
-/// A satellite as a phone receives it at one instant, on all signals.
+/// Reception of a satellite by a phone at one instant, on all signals.
 struct Reception {
     path: Path,
     direction: Direction,
     mixture: Mixture,
-    /// Delay by reflection and passing reflection, m.
+    /// Delay by façades and passing reflections, m.
     late_m: f64,
-    /// Change of the former, m/s.
+    /// Rate of the delay by façades, m/s.
     late_mps: f64,
 }
 
@@ -134,7 +134,7 @@ impl<'a> PhoneEpochs<'a> {
             last_tag_s: scenario.duration_s - phone.stops_before_s,
             tag_index,
         };
-        // Phones of one vehicle start at different times, and share what the vehicle has.
+        // Phones of one vehicle start at different times, and share the vehicle's multipath.
         let mut before = 0.0;
         while before < tag_index {
             epochs.advance_shared();
@@ -148,7 +148,7 @@ impl<'a> PhoneEpochs<'a> {
         self.shared.iter_mut().map(|track| track.advance(step_s, &self.errors)).collect()
     }
 
-    /// The draws of all satellites, with the vehicle's part of the multipath.
+    /// Random draws of all satellites, with the vehicle's part of the multipath.
     fn draw(&mut self) -> Vec<Draws> {
         let step_s = self.simulation.scenario().interval_s;
         let shared = self.advance_shared();
@@ -164,7 +164,7 @@ impl<'a> PhoneEpochs<'a> {
         self.tracks.iter_mut().zip(shared).map(with_shared).collect()
     }
 
-    /// The phone's biases of constellations and bands.
+    /// Biases of the phone's constellations and bands.
     pub const fn inter_system_biases(&self) -> &InterSystemBiases {
         &self.biases
     }
@@ -215,7 +215,7 @@ impl Iterator for PhoneEpochs<'_> {
 }
 
 impl Instant<'_> {
-    /// Appends what the phone records of a satellite: nothing when it is hidden or too weak.
+    /// Appends the phone's observations of a satellite: none if it is hidden or too weak.
     fn observe(
         &self,
         satellite: &SimulatedSatellite,
@@ -226,7 +226,7 @@ impl Instant<'_> {
         let Some(reception) = self.reception(satellite, draws) else { return };
         let before = observations.len();
         for (band, signal) in satellite.signals(self.epochs.phone.dual_frequency).enumerate() {
-            observations.extend(self.signal(satellite, signal, band, (&reception, draws)));
+            observations.extend(self.signal(satellite, signal, band, &reception, draws));
         }
         let reflected_only = draws.outlier_m != 0.0 || reception.mixture.delayed == 1.0;
         if reflected_only && observations.len() > before {
@@ -234,7 +234,7 @@ impl Instant<'_> {
         }
     }
 
-    /// How a satellite arrives, directly, by the houses on the other side of the street, or both; `None` when it does not.
+    /// Reception of a satellite, directly, by reflection on the other side of the street, or both; `None` without reception.
     fn reception(&self, satellite: &SimulatedSatellite, draws: &Draws) -> Option<Reception> {
         let TruthState { time_gps, position, velocity } = self.truth;
         if !satellite.may_be_above_horizon(time_gps, &self.frame) {
@@ -265,7 +265,8 @@ impl Instant<'_> {
         satellite: &SimulatedSatellite,
         signal: SignalCode,
         band: usize,
-        (reception, draws): (&Reception, &Draws),
+        reception: &Reception,
+        draws: &Draws,
     ) -> Option<Observation> {
         let errors = &self.epochs.errors;
         let Reception { path, direction, .. } = reception;
@@ -281,7 +282,7 @@ impl Instant<'_> {
             + satellite.group_delay_m(signal, errors.l5_delay_m)
             + satellite.signal_in_space_m(errors.signal_in_space_m);
         let in_canyon = self.surroundings.in_canyon();
-        // a code ten times as fast: a third of the noise, half of the multipath
+        // chipping rate ten times as high: a third of the noise, half of the multipath
         let (noise_scale, multipath_scale) = if band == 0 { (1.0, 1.0) } else { (0.35, 0.5) };
         let pick = |values: [f64; 2]| values.get(band).copied().unwrap_or(0.0);
         let error_m = reception.late_m
@@ -314,7 +315,7 @@ impl Instant<'_> {
             + errors.troposphere_scale * saastamoinen_delay_m(receiver, direction, STANDARD_RELATIVE_HUMIDITY)
     }
 
-    /// From about 33 dB-Hz at the horizon to 47 dB-Hz at the zenith for an average phone under an open sky.
+    /// C/N0 from about 33 dB-Hz at the horizon to 47 dB-Hz at the zenith for an average phone under an open sky.
     fn cn0_dbhz(&self, reception: &Reception, band: usize, draws: &Draws) -> f64 {
         let shadowing_db = draws.shadowing * self.epochs.errors.shadowing_db;
         let surroundings_db = if self.surroundings.in_canyon() { 2.0 * shadowing_db } else { shadowing_db };

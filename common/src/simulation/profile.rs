@@ -1,7 +1,7 @@
-//! Speed of the lead vehicle over time: holds and transitions with bounded acceleration and jerk.
+//! Speed of the lead vehicle over time: constant speeds and transitions with bounded acceleration and jerk.
 //!
-//! A transition from v₀ to v₁ over T is v(τ) = v₀ + (v₁ − v₀)·(τ − sin(2πτ)/2π), τ ∈ [0, 1]. Its largest acceleration
-//! is 2|Δv|/T and its largest jerk 2π|Δv|/T², so T follows from the limits. Distances are closed forms.
+//! A transition from v₀ to v₁ over T is v(τ) = v₀ + (v₁ − v₀)·(τ − sin(2πτ)/2π), τ ∈ [0, 1]. Its maximum acceleration
+//! is 2|Δv|/T and its maximum jerk 2π|Δv|/T², so T follows from the limits. Distances are closed forms.
 
 use std::f64::consts::TAU;
 
@@ -9,11 +9,11 @@ use std::f64::consts::TAU;
 pub(super) const MAXIMUM_ACCELERATION_MPS2: f64 = 2.0;
 /// Jerk limit, m/s³.
 pub(super) const MAXIMUM_JERK_MPS3: f64 = 1.5;
-/// The pattern that repeats: hold this speed (m/s) for so long (s), the transition to the next follows.
+/// Repeated pattern: speeds (m/s) and their durations (s), each followed by the transition to the next.
 const PATTERN: [(f64, f64); 7] =
     [(0.0, 8.0), (14.0, 45.0), (9.0, 20.0), (14.0, 40.0), (0.0, 18.0), (11.0, 35.0), (14.0, 50.0)];
 
-/// A stretch of time with one law of motion.
+/// A period with one law of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Phase {
     start_s: f64,
@@ -32,7 +32,7 @@ pub struct Progress {
     pub speed_mps: f64,
 }
 
-/// The lead vehicle's progress. Before time zero it stands at zero; afterwards the pattern repeats for ever.
+/// Progress of the lead vehicle. Before time zero it stands at zero; afterwards the pattern repeats without end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeedProfile {
     phases: Vec<Phase>,
@@ -46,7 +46,7 @@ impl SpeedProfile {
         Self::repeating(&PATTERN)
     }
 
-    /// It stands where it is.
+    /// A standing vehicle.
     pub fn standing() -> Self {
         Self::repeating(&[(0.0, 60.0)])
     }
@@ -68,7 +68,7 @@ impl SpeedProfile {
         Self { phases, period_s: start_s, period_m: start_m }
     }
 
-    /// Largest speed, m/s.
+    /// Maximum speed, m/s.
     pub fn maximum_speed_mps(&self) -> f64 {
         self.phases.iter().map(|phase| phase.from_mps).fold(0.0, f64::max)
     }

@@ -1,13 +1,13 @@
-//! Where randomness comes from: one seed, and a ChaCha stream for everything that is independent of the rest.
+//! Random streams: one seed, and an independent ChaCha stream for each independent process.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Streams of phones and vehicles have this many bits for the satellite.
+/// Number of bits for the satellite in the stream numbers of phones and vehicles.
 const SATELLITE_BITS: u32 = 16;
-/// First stream of the vehicles, beyond those of the phones.
+/// First stream number of the vehicles, beyond those of the phones.
 const VEHICLES: u64 = 1 << 40;
-/// First stream of the façades.
+/// First stream number of the façades.
 const FACADES: u64 = 1 << 62;
 
 /// The random streams of one seed.
@@ -21,33 +21,33 @@ impl Streams {
         Self { seed }
     }
 
-    /// The world's: orbits, clocks and delays of the satellites.
+    /// Orbits, clocks and delays of the satellites.
     pub(super) fn world(self) -> ChaCha8Rng {
         self.stream(0)
     }
 
-    /// What the navigation messages do not tell about the satellites.
-    pub(super) fn untold(self) -> ChaCha8Rng {
+    /// Errors of the satellites that are not in the navigation messages.
+    pub(super) fn satellite_errors(self) -> ChaCha8Rng {
         self.stream(1)
     }
 
-    /// A phone's clock and receiver biases.
+    /// Clock and receiver biases of a phone.
     pub(super) fn phone(self, phone: usize) -> ChaCha8Rng {
         self.stream((phone as u64 + 1) << SATELLITE_BITS)
     }
 
-    /// A satellite at a phone.
+    /// Processes of a satellite at a phone.
     pub(super) fn satellite(self, phone: usize, satellite: usize) -> ChaCha8Rng {
         self.stream((phone as u64 + 1) << SATELLITE_BITS | (satellite as u64 + 1))
     }
 
-    /// A satellite at a vehicle.
+    /// Processes of a satellite at a vehicle.
     pub(super) fn vehicle(self, vehicle: usize, satellite: usize) -> ChaCha8Rng {
         self.stream(VEHICLES | (vehicle as u64 + 1) << SATELLITE_BITS | (satellite as u64 + 1))
     }
 
-    /// A piece of a façade by its place along the road and in height.
-    pub(super) fn facade(self, right: bool, (along, up): (u32, u16)) -> ChaCha8Rng {
+    /// Reflectivity of a piece of a façade by its place along the road and in height.
+    pub(super) fn facade(self, right: bool, along: u32, up: u16) -> ChaCha8Rng {
         self.stream(FACADES | u64::from(right) << 48 | u64::from(along) << 16 | u64::from(up))
     }
 

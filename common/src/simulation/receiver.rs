@@ -41,7 +41,7 @@ impl ClockState {
         let drift_noise = drift_variance.sqrt() * random.sample::<f64, _>(StandardNormal);
         let bias_noise = bias_given_drift.sqrt() * random.sample::<f64, _>(StandardNormal);
         Self {
-            // the covariance with the drift's noise is half a step of it
+            // The covariance with the noise of the drift is half a step.
             bias_s: self.bias_s + self.drift_sps * step_s + 0.5 * step_s * drift_noise + bias_noise,
             drift_sps: self.drift_sps + drift_noise,
         }
@@ -60,7 +60,7 @@ const BIASED_GROUPS: [ClockGroup; 3] = [
     ClockGroup { constellation: Constellation::Galileo, band: b'1' },
     ClockGroup { constellation: Constellation::Beidou, band: b'2' },
 ];
-/// Their standard deviation, s.
+/// Standard deviation of the biases, s.
 const BIAS_SIGMA_S: f64 = 40e-9;
 
 /// Constant receiver biases of the clock groups against GPS L1.
@@ -89,7 +89,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    /// Variances after 100 s must not depend on how the time is cut into steps.
+    /// Variances after 100 s must not depend on the division of the time into steps.
     #[test]
     fn variances_do_not_depend_on_the_step() {
         let spread = |steps: u32| {

@@ -1,31 +1,31 @@
 //! A closed road of straights, transition curves and arcs, by arc length.
 //!
 //! The curvature is piecewise linear in the arc length s (straights, clothoids, circular arcs), so the heading is
-//! piecewise quadratic and exact; positions are Gauss-Legendre integrals of it over pieces short enough that the
-//! error stays below a micrometre. One pattern with a net turn of 90° is laid four times, which closes the road:
-//! s may take any value and wraps. The height is a sum of two sine waves that fit the lap.
+//! piecewise quadratic and exact. Positions are Gauss-Legendre integrals of it over pieces so short that the
+//! error stays below a micrometre. A pattern with a net turn of 90°, repeated four times, closes the road:
+//! s may take any value and wraps. The height is a sum of two sine waves with whole numbers of periods per lap.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use crate::statistics::quadrature;
 
-/// Longest piece over which one Gauss-Legendre sum runs, m.
+/// Maximum length of a piece for one Gauss-Legendre sum, m.
 const MAXIMUM_PIECE_M: f64 = 25.0;
 /// Length of a transition between a straight and an arc, m.
 const TRANSITION_M: f64 = 50.0;
 /// Height waves: amplitude (m), periods per lap. Together they bound the slope.
 const HEIGHT_WAVES: [(f64, f64); 2] = [(4.0, 7.0), (0.8, 16.0)];
 
-/// Part of the pattern that the road repeats.
+/// Element of the repeated pattern.
 #[derive(Clone, Copy, Debug)]
 enum Element {
-    /// A straight of this length, m.
+    /// A straight with its length, m.
     Straight(f64),
-    /// A turn (rad, positive = right) with an arc of this radius (m) between two transitions.
+    /// A turn (rad, positive = right) with an arc of radius `radius_m` between two transitions.
     Turn { angle_rad: f64, radius_m: f64 },
 }
 
-/// A piece with linear curvature, and where it starts.
+/// A piece with linear curvature, and its starting point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Piece {
     start_m: f64,
@@ -74,7 +74,7 @@ impl Road {
         ])
     }
 
-    /// Lays a pattern, whose turns must add up to ±90°, four times.
+    /// Repeats a pattern with a net turn of ±90° four times.
     fn four_times(pattern: &[Element]) -> Self {
         let mut builder = Builder::default();
         let mut minimum_radius_m = f64::INFINITY;
@@ -86,7 +86,7 @@ impl Road {
                         minimum_radius_m = minimum_radius_m.min(radius_m);
                         let curvature = angle_rad.signum() / radius_m;
                         builder.add(TRANSITION_M, curvature);
-                        // the two transitions turn as much as one of them as an arc would
+                        // Both transitions together turn as much as an arc of the length of one.
                         builder.add((angle_rad.abs() * radius_m - TRANSITION_M).max(0.0), curvature);
                         builder.add(TRANSITION_M, 0.0);
                     }
@@ -111,7 +111,7 @@ impl Road {
         HEIGHT_WAVES.iter().map(|(amplitude_m, periods)| amplitude_m * TAU * periods / self.lap_m).sum()
     }
 
-    /// The point at arc length `s_m`, measured in the plane; any value, the road is closed.
+    /// The point at arc length `s_m` in the plane; any value is valid, because the road is closed.
     pub fn at(&self, s_m: f64) -> RoadPoint {
         let s_m = s_m.rem_euclid(self.lap_m);
         let index = self.pieces.partition_point(|piece| piece.start_m <= s_m).saturating_sub(1);
@@ -151,7 +151,7 @@ impl Piece {
         self.heading_rad + length_m * (self.curvature_1pm + 0.5 * length_m * self.curvature_rate_1pm2)
     }
 
-    /// The same piece, started `length_m` further on.
+    /// The remainder of the piece after `length_m`.
     fn after(&self, length_m: f64) -> Self {
         let (mut east, mut north) = (0.0, 0.0);
         for (node, weight) in quadrature::ON_UNIT_INTERVAL {
@@ -170,7 +170,7 @@ impl Piece {
     }
 }
 
-/// Lays pieces end to end.
+/// Joins pieces end to end.
 struct Builder {
     pieces: Vec<Piece>,
     end: Piece,
@@ -183,7 +183,7 @@ impl Default for Builder {
 }
 
 impl Builder {
-    /// Adds `length_m` of road over which the curvature goes linearly to `curvature_1pm`; over no length it jumps.
+    /// Adds `length_m` of road with a linear change of the curvature to `curvature_1pm`; for zero length the curvature jumps.
     fn add(&mut self, length_m: f64, curvature_1pm: f64) {
         if length_m <= 0.0 {
             self.end.curvature_1pm = curvature_1pm;

@@ -1,4 +1,4 @@
-//! The simulated satellites at work: which message is in force, which signals there are, what delays them.
+//! State of simulated satellites: message in force, signals and their delays.
 
 use rand::Rng;
 use rand_distr::StandardNormal;
@@ -9,7 +9,7 @@ use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::orbit::{KeplerEphemeris, SatelliteState};
 use crate::time::GpsTime;
 
-/// A satellite this much below the horizon is not looked at more closely (sine of −2°).
+/// Sine of the elevation below which a satellite is skipped early (−2°).
 const FAR_BELOW_HORIZON: f64 = -0.035;
 
 /// One satellite with all its messages.
@@ -24,7 +24,7 @@ pub(super) struct SimulatedSatellite {
 }
 
 impl SimulatedSatellite {
-    /// Groups messages, which are ordered by satellite and then by time; `random` draws what they do not tell.
+    /// Groups messages, which are ordered by satellite and then by time; `random` draws the errors that are not in the messages.
     pub(super) fn group(messages: &[KeplerEphemeris], random: &mut impl Rng) -> Vec<Self> {
         messages
             .chunk_by(|a, b| a.satellite == b.satellite)
@@ -48,7 +48,7 @@ impl SimulatedSatellite {
         self.messages.get(index).map(|message| message.state(time))
     }
 
-    /// A quick look: whether the satellite is above −2° at the origin of `frame`.
+    /// Fast check whether the satellite is above −2° at the origin of `frame`.
     pub(super) fn may_be_above_horizon(&self, time: GpsTime, frame: &LocalFrame) -> bool {
         self.state(time).is_some_and(|state| {
             let sight = (state.position - frame.origin()).0;
@@ -56,7 +56,7 @@ impl SimulatedSatellite {
         })
     }
 
-    /// Signals that a phone tracks, the primary one first. Two GPS satellites of three transmit L5.
+    /// Signals that a phone tracks, the primary one first. Two of three GPS satellites transmit L5.
     pub(super) fn signals(&self, dual_frequency: bool) -> impl Iterator<Item = SignalCode> {
         let SatelliteId { constellation, number } = self.id;
         let primary = match constellation {
@@ -67,13 +67,13 @@ impl SimulatedSatellite {
         std::iter::once(primary).chain(has_l5.then_some(SignalCode::new(b'5', b'X')))
     }
 
-    /// Error of the range by the message in the direction of every phone, m, of which `sigma_m` is the standard deviation.
+    /// Range error of the message in the direction of every phone, m; its standard deviation is `sigma_m`.
     pub(super) fn signal_in_space_m(&self, sigma_m: f64) -> f64 {
         sigma_m * self.signal_in_space
     }
 
-    /// Delay of a signal against the broadcast clock, m: by the message, and on L5 `l5_sigma_m` times a constant
-    /// that no message tells.
+    /// Delay of a signal relative to the broadcast clock, m: by the message, and on L5 `l5_sigma_m` times a constant
+    /// that is in no message.
     pub(super) fn group_delay_m(&self, signal: SignalCode, l5_sigma_m: f64) -> f64 {
         if signal.band == b'5' {
             return l5_sigma_m * self.l5_delay;

@@ -1,4 +1,4 @@
-//! What to simulate.
+//! Description of a simulation.
 
 use crate::frames::Geodetic;
 use crate::time::GpsTime;
@@ -9,39 +9,38 @@ use super::mount::Mount;
 use super::receiver::ClockOptions;
 use super::street::{Canyon, Facade};
 
-/// Longest scenario, s (one day).
+/// Maximum duration of a scenario, s (one day).
 const LONGEST_S: f64 = 86_400.0;
-/// Shortest interval between epochs, s.
+/// Minimum interval between epochs, s.
 const SHORTEST_INTERVAL_S: f64 = 0.01;
-/// Most vehicles.
+/// Maximum number of vehicles.
 const MOST_VEHICLES: f64 = 100.0;
 
 /// One phone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhoneOptions {
-    /// Its name.
+    /// Name of the phone.
     pub name: String,
-    /// The vehicle that it is in; vehicle 0 leads.
+    /// Vehicle of the phone; vehicle 0 leads.
     pub vehicle: usize,
-    /// Where it is in its vehicle.
+    /// Mounting in the vehicle.
     pub mount: Mount,
-    /// Time tags lie so much after the full interval, s, in [0, interval).
+    /// Offset of the time tags from the full interval, s, in [0, interval).
     pub epoch_offset_s: f64,
-    /// The phone starts so long after the scenario, s.
+    /// Start of the phone after that of the scenario, s.
     pub starts_after_s: f64,
-    /// It stops so long before the scenario's end, s.
+    /// End of the phone before that of the scenario, s.
     pub stops_before_s: f64,
-    /// Its antenna against an average one, dB.
+    /// Gain of the antenna relative to an average one, dB.
     pub antenna_db: f64,
-    /// Whether it tracks GPS L5 too.
+    /// Whether the phone tracks GPS L5 too.
     pub dual_frequency: bool,
-    /// Its clock at its first epoch.
+    /// Clock at the first epoch.
     pub clock: ClockOptions,
 }
 
 impl PhoneOptions {
-    /// Phone `rank`, on the roof of a vehicle of its own of that rank: names, offsets, start and stop that differ from
-    /// each other.
+    /// Phone `rank`, on the roof of its own vehicle of that rank; names, offsets, start and end differ between ranks.
     pub fn of_vehicle(rank: usize) -> Self {
         const OFFSETS_S: [f64; 4] = [0.000_4, 0.200_3, 0.499_7, 0.750_1];
         let turn = rank % OFFSETS_S.len();
@@ -67,25 +66,25 @@ impl PhoneOptions {
 /// A simulated drive. [`Scenario::default`] is a convoy of three cars, ten minutes at 1 Hz.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
-    /// Everything random follows from it.
+    /// Seed of all random values.
     pub seed: u64,
-    /// First instant, GPS time.
+    /// Start, GPS time.
     pub start_gps: GpsTime,
     /// Duration, s.
     pub duration_s: f64,
     /// Time between epochs, s.
     pub interval_s: f64,
-    /// Where the road begins.
+    /// Start of the road.
     pub origin: Geodetic,
     /// The phones.
     pub phones: Vec<PhoneOptions>,
-    /// How the vehicles keep their distance.
+    /// Motion and distances of the vehicles.
     pub convoy: ConvoyOptions,
-    /// Stretches of the lap between houses.
+    /// Sections of the lap between houses.
     pub canyons: Vec<Canyon>,
     /// Sizes of the errors.
     pub errors: ErrorModel,
-    /// Overrides `errors` by [`ErrorModel::none`]: clocks and delays remain, and the models remove the delays exactly.
+    /// Replaces `errors` by [`ErrorModel::none`]: clocks and delays remain, and the models remove the delays exactly.
     pub noise_free: bool,
 }
 
@@ -109,13 +108,13 @@ impl Default for Scenario {
     }
 }
 
-/// Why a scenario cannot be simulated.
+/// Error for an invalid scenario.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ScenarioError {
     /// A number is outside its range.
     #[error("{name} is {value}; it must lie in [{minimum}, {maximum}]")]
     OutOfRange {
-        /// Which.
+        /// Name of the field.
         name: &'static str,
         /// Its value.
         value: f64,
@@ -124,10 +123,10 @@ pub enum ScenarioError {
         /// Largest value.
         maximum: f64,
     },
-    /// There is no phone.
+    /// The scenario has no phone.
     #[error("the scenario has no phones; give it at least one")]
     NoPhones,
-    /// Two phones have one name.
+    /// Two phones have the same name.
     #[error("two phones are called '{0}'; names must differ")]
     DuplicateName(String),
 }
@@ -138,12 +137,12 @@ impl Scenario {
         if self.noise_free { ErrorModel::none() } else { self.errors }
     }
 
-    /// Last instant, GPS time.
+    /// End, GPS time.
     pub fn end_gps(&self) -> GpsTime {
         self.start_gps + self.duration_s
     }
 
-    /// Checks what the generator relies on.
+    /// Checks the conditions of the generator.
     ///
     /// # Errors
     ///

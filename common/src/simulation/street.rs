@@ -1,16 +1,15 @@
-//! Houses beside the road: what they block and what they reflect.
+//! Houses beside the road, which block and reflect signals.
 //!
-//! A façade is a vertical plane parallel to the road at the distance w from the lane's centre, as long as its stretch and
-//! as high as h above the phones. A ray at the azimuth Δ from the road's direction and the elevation e meets the façade on
-//! its side at the horizontal distance r = w/|sin Δ|, r·cos Δ further along the road, at the height r·tan e; the
-//! satellite is hidden when there is a façade there that is higher. So houses ahead of a phone and behind it hide
-//! satellites too, and a side street opens the view. The road counts as straight over [`REACH_M`], beyond which nothing
-//! is met.
+//! A façade is a vertical plane parallel to the road at the distance w from the lane's centre, over its section of the road and with the
+//! height h above the phones. A ray with the azimuth Δ from the road's direction and the elevation e meets the façade on its side at the
+//! horizontal distance r = w/|sin Δ|, r·cos Δ further along the road, at the height r·tan e; the satellite is hidden if the façade there is
+//! higher. So houses ahead of a phone and behind it hide satellites too, and a side street opens the view. The road is assumed straight
+//! over [`REACH_M`]; façades beyond that distance have no effect.
 //!
-//! The other side of the street mirrors: by the image of the phone behind that façade, a reflected ray is longer by
-//! 2·w·|sin Δ|·cos e, where w is the distance of the mirror. It arrives when it meets the mirror below the mirror's top and
-//! clears the houses on the satellite's side. Whether a piece of a façade reflects, and with what loss, is a
-//! property of that piece ([`Facades`]): every phone that uses the same piece has the same reflection.
+//! The other side of the street is a mirror: by the image of the phone behind that façade, a reflected ray is longer by
+//! 2·w·|sin Δ|·cos e, where w is the distance of the mirror. It is received if it meets the mirror below its top and
+//! passes above the houses on the satellite's side. Reflectivity and loss are properties of a
+//! piece of a façade ([`Facades`]): all phones that use the same piece have the same reflection.
 
 use rand::Rng;
 
@@ -18,15 +17,15 @@ use crate::frames::Direction;
 
 use super::random::Streams;
 
-/// Longest horizontal distance at which a ray meets a façade, m.
+/// Maximum horizontal distance to the façade on a ray, m.
 const REACH_M: f64 = 200.0;
-/// A phone is at least this far from a façade, m.
+/// Minimum distance of a phone from a façade, m.
 const CLOSEST_M: f64 = 0.5;
 /// Size of a piece of a façade with one reflectivity, m: along the road, and in height.
 const PIECE_M: (f64, f64) = (6.0, 4.0);
-/// Loss of a reflection: least, and range above it, dB. Glass and smooth stone lose 4 dB, plaster and brick up to 14 dB.
+/// Loss of a reflection: minimum, and range above it, dB. Glass and smooth stone lose 4 dB, plaster and brick up to 14 dB.
 const REFLECTION_LOSS_DB: (f64, f64) = (4.0, 10.0);
-/// Elevation below which nothing is received, rad (5°).
+/// Minimum elevation of reception, rad (5°).
 const HORIZON_RAD: f64 = 0.087_266;
 
 /// The front of a row of houses.
@@ -38,16 +37,16 @@ pub struct Facade {
     pub distance_m: f64,
 }
 
-/// A stretch of road with houses on one side or both.
+/// A section of road with houses on one side or both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Canyon {
-    /// Where it begins, as distance along the road from the start of a lap, m.
+    /// Begin, as distance along the road from the start of a lap, m.
     pub from_m: f64,
-    /// Where it ends, m.
+    /// End, m.
     pub to_m: f64,
-    /// To the left of the direction of travel.
+    /// Houses to the left of the direction of travel.
     pub left: Option<Facade>,
-    /// To the right.
+    /// Houses to the right.
     pub right: Option<Facade>,
 }
 
@@ -119,7 +118,7 @@ impl Side {
     }
 }
 
-/// Where a phone is on the road, and how it moves there.
+/// Position and motion of a phone on the road.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RoadPlace {
     /// Distance along the road, m.
@@ -128,58 +127,58 @@ pub(super) struct RoadPlace {
     pub lap_m: f64,
     /// Direction of the road, rad clockwise from north.
     pub heading_rad: f64,
-    /// Its change, rad/s.
+    /// Rate of the direction, rad/s.
     pub turn_radps: f64,
     /// Offset to the right of the lane's centre, m.
     pub right_m: f64,
-    /// Its change, m/s.
+    /// Rate of the offset, m/s.
     pub right_mps: f64,
 }
 
 /// A reflected ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Reflection {
-    /// By how much it is longer than the direct one, m.
+    /// Excess length over the direct ray, m.
     pub excess_m: f64,
-    /// Change of that, m/s.
+    /// Rate of the excess length, m/s.
     pub excess_mps: f64,
     /// Loss at the façade, dB.
     pub loss_db: f64,
-    /// Whence it arrives.
+    /// Direction of arrival.
     pub from: Direction,
 }
 
-/// What façades do to signals: a random property of each piece of them.
+/// Effect of façades on signals: a random property of each piece.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facades {
     pub streams: Streams,
-    /// Share of the pieces that reflect at all, 0 to 1; the others scatter.
+    /// Fraction of the pieces that reflect, 0 to 1; the others scatter.
     pub reflecting: f64,
 }
 
 impl Facades {
-    /// Loss of a reflection, dB; `None` where the façade does not reflect.
+    /// Loss of a reflection, dB; `None` for a façade that does not reflect.
     fn loss_db(&self, side: Side, along_m: f64, height_m: f64) -> Option<f64> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // both are small and not negative
-        let piece = ((along_m / PIECE_M.0) as u32, (height_m / PIECE_M.1) as u16);
-        let mut random = self.streams.facade(side == Side::Right, piece);
+        let (along, up) = ((along_m / PIECE_M.0) as u32, (height_m / PIECE_M.1) as u16);
+        let mut random = self.streams.facade(side == Side::Right, along, up);
         let (chance, loss) = (random.random::<f64>(), random.random::<f64>());
         (chance < self.reflecting).then_some(REFLECTION_LOSS_DB.0 + REFLECTION_LOSS_DB.1 * loss)
     }
 }
 
-/// The surroundings of one phone at one instant.
+/// Surroundings of one phone at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surroundings<'a> {
     canyons: &'a [Canyon],
     place: RoadPlace,
 }
 
-/// A direction against the road.
+/// Direction relative to the road.
 struct Ray {
-    /// Sine of the angle to the road: across.
+    /// Sine of the angle to the road (component across).
     across: f64,
-    /// Cosine: along.
+    /// Cosine of the angle to the road (component along).
     along: f64,
     elevation_rad: f64,
     side: Side,
@@ -190,25 +189,25 @@ impl<'a> Surroundings<'a> {
         Self { canyons, place }
     }
 
-    /// Whether there are houses right beside the phone.
+    /// Whether there are houses directly beside the phone.
     pub(super) fn in_canyon(&self) -> bool {
         [Side::Left, Side::Right].into_iter().any(|side| self.facade(side, self.place.road_m).is_some())
     }
 
-    /// Whether the direct signal from a direction arrives.
+    /// Whether the direct signal from a direction is received.
     pub(super) fn is_visible(&self, direction: Direction) -> bool {
         let ray = self.ray(direction);
         direction.elevation_rad > HORIZON_RAD && !self.is_blocked(&ray, ray.side, 0.0)
     }
 
-    /// The signal from a direction by way of the houses on the other side, if it arrives so.
+    /// The signal from a direction by reflection at the houses on the other side, if it is received.
     pub(super) fn reflection(&self, direction: Direction, facades: &Facades) -> Option<Reflection> {
         let ray = self.ray(direction);
         if direction.elevation_rad <= HORIZON_RAD || facades.reflecting <= 0.0 {
             return None;
         }
         let mirror = ray.side.opposite();
-        // The mirror's distance is that of the houses where the ray meets it, and the other way round.
+        // The mirror's distance depends on the point where the ray meets it, and vice versa.
         let (distance_m, facade) = self.met(&ray, mirror, 0.0, 0.0)?;
         let reach_m = distance_m / ray.across.abs();
         let height_m = reach_m * ray.elevation_rad.tan();
@@ -236,8 +235,8 @@ impl<'a> Surroundings<'a> {
         Ray { across, along, elevation_rad: direction.elevation_rad, side }
     }
 
-    /// Whether houses on a side hide a ray that has been reflected after `reflected_m`, 0 when it has not: it then comes
-    /// from the phone's image, twice as far from the houses.
+    /// Whether houses on a side block a ray that was reflected after `reflected_m` (0 without reflection): the ray then starts
+    /// at the phone's image, twice as far from the houses.
     fn is_blocked(&self, ray: &Ray, side: Side, reflected_m: f64) -> bool {
         let before_m = 2.0 * reflected_m;
         self.met(ray, side, before_m, before_m * ray.along).is_some_and(|(distance_m, facade)| {
@@ -245,8 +244,8 @@ impl<'a> Surroundings<'a> {
         })
     }
 
-    /// The façade on a side that a ray meets which starts `ahead_m` along the road from the phone, having run `before_m`
-    /// already; and the phone's distance from it.
+    /// The façade on a side that is met by a ray starting `ahead_m` along the road from the phone, after a length of `before_m`,
+    /// and the phone's distance from the façade.
     fn met(&self, ray: &Ray, side: Side, before_m: f64, ahead_m: f64) -> Option<(f64, Facade)> {
         let sign = if side == Side::Right { 1.0 } else { -1.0 };
         self.canyons.iter().find_map(|canyon| {
@@ -265,7 +264,7 @@ impl<'a> Surroundings<'a> {
         here.find_map(|canyon| canyon.facade(side))
     }
 
-    /// The place `ahead_m` from the phone, from the start of a lap.
+    /// Place `ahead_m` from the phone, from the start of a lap.
     fn lap(&self, ahead_m: f64) -> f64 {
         (self.place.road_m + ahead_m).rem_euclid(self.place.lap_m)
     }
@@ -311,7 +310,7 @@ mod tests {
         assert!(!seen(150.0, 270.0, 63.0) && seen(1_150.0, 270.0, 64.0));
         assert!(!seen(1_150.0, 90.0, 63.0), "one lap later");
         assert!(seen(150.0, 0.0, 10.0) && seen(150.0, 90.0, 4.0) == seen(20.0, 90.0, 4.0));
-        // 45° ahead the façade is met 10 m further on, at 14.1 m: up to 54.7°.
+        // 45° ahead the ray meets the façade 10 m further on, at 14.1 m: hidden up to 54.7°.
         assert!(!seen(150.0, 45.0, 54.0) && seen(150.0, 45.0, 55.5) && seen(195.0, 45.0, 10.0));
         assert!(!seen(95.0, 45.0, 54.0) && seen(85.0, 45.0, 10.0), "from outside");
     }
@@ -328,7 +327,7 @@ mod tests {
         assert!(at(place(250.0), 90.0, 65.0) && !at(nearer, 90.0, 65.0), "atan(20/5) = 76°");
     }
 
-    /// The length of the reflected ray, by the image of the phone, at a satellite far away.
+    /// Length of the reflected ray by the image of the phone, for a satellite far away.
     #[test]
     fn reflections_are_longer_by_the_way_to_the_image() {
         let left = Some(Facade { height_m: 30.0, distance_m: 12.0 });
@@ -341,13 +340,13 @@ mod tests {
             let elevation = 40.0_f64.to_radians();
             right * sin * elevation.cos() + ahead * cos * elevation.cos() + up * elevation.sin()
         };
-        // The image stands 24 m to the left: so much further from a satellite to the right.
+        // The image is 24 m to the left, so it is that much further from a satellite to the right.
         let expected_m = towards(0.0, 0.0, 0.0) - towards(-24.0, 0.0, 0.0);
         assert!((reflection.excess_m - expected_m).abs() < 1e-9, "{reflection:?} {expected_m}");
         assert!((4.0..=14.0).contains(&reflection.loss_db));
         let from_deg = (reflection.from.azimuth_rad.to_degrees() - HEADING_DEG).rem_euclid(360.0);
         assert!((from_deg - 300.0).abs() < 1e-9, "mirrored: {from_deg}");
-        // Above the mirror, along the road, without a mirror, and behind houses on the satellite's side: none.
+        // No reflection above the mirror, along the road, without a mirror, and behind houses on the satellite's side.
         assert!(at(0.0).reflection(direction(90.0, 70.0), &facades()).is_none());
         assert!(at(0.0).reflection(direction(-60.0, 40.0), &facades()).is_none());
         let high = Some(Facade { height_m: 60.0, distance_m: 10.0 });

@@ -1,6 +1,6 @@
-//! The random processes of one satellite at one phone, and of one satellite at one vehicle.
+//! Random processes of one satellite at one phone, and of one satellite at one vehicle.
 //!
-//! Each has a random stream of its own and draws equally often whatever happens, so that what blocks one satellite changes
+//! Each has its own random stream and a fixed number of draws per epoch, so that blocking one satellite changes
 //! nothing for the others.
 
 use rand::Rng;
@@ -12,7 +12,7 @@ use super::environment::{ErrorModel, GaussMarkov, Outlier};
 /// Correlation time of the shadowing, s.
 const SHADOWING_CORRELATION_S: f64 = 5.0;
 
-/// One satellite at one phone.
+/// Processes of one satellite at one phone.
 pub(super) struct Track {
     random: ChaCha8Rng,
     shadowing: GaussMarkov,
@@ -21,12 +21,12 @@ pub(super) struct Track {
     outlier: Outlier,
 }
 
-/// What the processes of a satellite give at one epoch. Of unit variance, except for the outlier.
+/// Values of the processes of a satellite at one epoch, of unit variance except for the outlier.
 pub(super) struct Draws {
     pub shadowing: f64,
-    /// By band, as are the others.
+    /// Multipath by band; the other arrays too.
     pub multipath: [f64; 2],
-    /// Of a reflected signal.
+    /// Phase of a reflected signal.
     pub phase: f64,
     pub outlier_m: f64,
     pub code_noise: [f64; 2],
@@ -56,7 +56,7 @@ impl Track {
     }
 }
 
-/// One satellite at one vehicle: the multipath that its phones share, on the scenario's grid of time.
+/// Multipath of one satellite that the phones of a vehicle share, on the scenario's time grid.
 pub(super) struct SharedTrack {
     random: ChaCha8Rng,
     multipath: [GaussMarkov; 2],

@@ -1,6 +1,6 @@
 //! Chi-square tests with an integer number of degrees of freedom.
 //!
-//! For integers the tail is a finite sum of positive terms, so nothing cancels however small it is. With y = x/2
+//! For integers the tail is a finite sum of positive terms, so even very small tails have full relative precision. With y = x/2
 //! and k degrees of freedom, Q = e^(−y) (r + Σ y^(a−1)/Γ(a)) over a = k/2, k/2 − 1, … down to 1 or 3/2, where r is
 //! 0 for even k and erfcx(√y) for odd k (Abramowitz and Stegun, 26.4.4-5).
 
@@ -12,7 +12,7 @@ use super::normal::two_sided_threshold;
 
 /// ln Q(x; k) and the hazard, −d ln Q/dy with y = x/2.
 fn log_upper_tail(y: f64, dof: usize) -> (f64, f64) {
-    // Everything relative to the top term y^(k/2−1)/Γ(k/2), which is the density of y without e^(−y).
+    // All values are relative to the top term y^(k/2−1)/Γ(k/2), which is the density of y without e^(−y).
     let half = dof as f64 / 2.0;
     let (mut sum, mut term, mut a) = (0.0, 1.0, half);
     let mut log_gamma = 0.0;
@@ -33,7 +33,7 @@ fn log_upper_tail(y: f64, dof: usize) -> (f64, f64) {
 
 /// Probability that a chi-square variable with `dof` ≥ 1 degrees of freedom exceeds `value`.
 ///
-/// 1 for a value ≤ 0. With no degree of freedom there is nothing to test: NaN, as for a value that is NaN.
+/// 1 for a value ≤ 0. NaN for `dof` = 0 and for a NaN value.
 pub fn chi_square_upper_tail(value: f64, dof: usize) -> f64 {
     if dof == 0 || value.is_nan() {
         f64::NAN
@@ -58,8 +58,8 @@ pub fn chi_square_threshold(false_alarm_probability: f64, dof: usize) -> f64 {
         return two_sided_threshold(false_alarm_probability).powi(2);
     }
     let target = false_alarm_probability.ln();
-    // ln Q is concave and falling (dof ≥ 2). Left of the root Newton lands right of it or on it once, and then
-    // comes back from the right without overshooting; a step that would leave y > 0 is halved instead.
+    // ln Q is concave and falling (dof ≥ 2). From the left of the root a Newton step leads to the root or to its right, and from
+    // there it converges without overshooting; a step that would leave y > 0 is halved instead.
     let mut y = dof as f64 / 2.0;
     for _ in 0..200 {
         let (log_tail, hazard) = log_upper_tail(y, dof);
@@ -73,7 +73,7 @@ pub fn chi_square_threshold(false_alarm_probability: f64, dof: usize) -> f64 {
     2.0 * y
 }
 
-/// Degrees of freedom that [`ChiSquareThresholds`] holds ready.
+/// Number of degrees of freedom with a stored threshold in [`ChiSquareThresholds`].
 const TABULATED: usize = 64;
 
 /// Thresholds of one false-alarm probability, computed once for up to 64 degrees of freedom.
@@ -96,7 +96,7 @@ impl ChiSquareThresholds {
         self.false_alarm_probability
     }
 
-    /// The threshold for `dof` degrees of freedom; beyond the table it is computed. NaN for none.
+    /// Threshold for `dof` degrees of freedom, computed if beyond the table. NaN for `dof` = 0.
     pub fn threshold(&self, dof: usize) -> f64 {
         dof.checked_sub(1)
             .and_then(|index| self.thresholds.get(index).copied())

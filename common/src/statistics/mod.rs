@@ -1,8 +1,8 @@
-//! Distributions and quantiles, right in the far tails where tests and truncation live.
+//! Distributions and quantiles with full relative precision in the far tails, as needed by tests and truncation.
 //!
 //! - [`normal`]: the standard normal distribution, with logarithms and quantiles.
 //! - [`chi_square`]: tail probability and thresholds for an integer number of degrees of freedom.
-//! - [`truncated`]: moments of a standard normal variable known to lie in an interval.
+//! - [`truncated`]: moments of a standard normal variable within an interval.
 
 pub mod chi_square;
 pub mod normal;

@@ -1,6 +1,6 @@
 //! The standard normal distribution.
 //!
-//! Tails go through the scaled complementary error function erfcx(x) = exp(x²) erfc(x), which neither
+//! Tails use the scaled complementary error function erfcx(x) = exp(x²) erfc(x), which neither
 //! underflows nor loses digits: 1 − Φ(x) = ½ erfcx(x/√2) exp(−x²/2).
 
 use std::f64::consts::{FRAC_1_SQRT_2, LN_2, PI};
@@ -25,13 +25,13 @@ pub fn upper_tail(x: f64) -> f64 {
     if x < 0.0 { 1.0 - upper_tail(-x) } else { 0.5 * erfcx(x * FRAC_1_SQRT_2) * (-0.5 * x * x).exp() }
 }
 
-/// ln Φ(x), finite as far out as x² is.
+/// ln Φ(x), finite for all x with finite x².
 pub fn log_cdf(x: f64) -> f64 {
     if x > 0.0 { (-upper_tail(x)).ln_1p() } else { erfcx(-x * FRAC_1_SQRT_2).ln() - 0.5 * x * x - LN_2 }
 }
 
-/// The x > 0 that a standard normal variable exceeds in absolute value with this probability: the threshold of
-/// a two-sided test. Infinite for probability 0, zero for 1, NaN outside of [0, 1].
+/// Threshold of a two-sided test: the x > 0 that the absolute value of a standard normal variable exceeds with probability
+/// `probability`. Infinite for 0, zero for 1, NaN outside of [0, 1].
 pub fn two_sided_threshold(probability: f64) -> f64 {
     if probability == 0.0 {
         return f64::INFINITY;

@@ -26,7 +26,7 @@ pub(super) static GAUSS_LEGENDRE: LazyLock<[(f64, f64); NODES]> = LazyLock::new(
     rule
 });
 
-/// The root of the Legendre polynomial that is `index`-th from the right, by Newton, and its weight.
+/// The root of the Legendre polynomial with index `index` from the right, by Newton's method, and its weight.
 fn node_and_weight(index: usize) -> (f64, f64) {
     let n = NODES as f64;
     let mut x = (PI * (index as f64 + 0.75) / (n + 0.5)).cos();

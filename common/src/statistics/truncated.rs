@@ -1,4 +1,4 @@
-//! A standard normal variable that is known to lie in an interval (a, b).
+//! Moments of a standard normal variable within an interval (a, b).
 //!
 //! With Z = Φ(b) − Φ(a) the textbook moments are m = (φ(a) − φ(b))/Z and s² = 1 + (aφ(a) − bφ(b))/Z − m². In the far
 //! tail Z underflows, and in the tail as in a narrow interval s² is a small difference of large numbers. So:
@@ -6,7 +6,7 @@
 //! - intervals are mirrored such that a + b ≥ 0: the lower bound is then the one nearer to zero;
 //! - a wide interval that begins left of 1σ uses the textbook forms (φ(a) − φ(b) through `expm1`);
 //! - any other is integrated by Gauss-Legendre quadrature about its centre over the part where the density is
-//!   within e^(−40) of its largest: all terms of Z and of s² are positive there, so that nothing cancels.
+//!   within e^(−40) of its maximum: all terms of Z and of s² are positive there, so there is no cancellation.
 //!
 //! Measured against 50-digit values, bounds from −40σ to 60σ and widths from 1e-12σ to infinity, the relative
 //! error of log probability, mean and variance is below 1e-13 (see the integration test of the oracle vectors).
@@ -25,7 +25,7 @@ pub struct TruncatedMoments {
     pub variance: f64,
 }
 
-/// Begin of the tail: intervals that start further out are integrated numerically.
+/// Begin of the tail: intervals that start beyond it are integrated numerically.
 const TAIL: f64 = 1.0;
 /// Intervals narrower than this are integrated numerically.
 const NARROW: f64 = 2.0;
@@ -34,7 +34,7 @@ const DROP: f64 = 40.0;
 
 /// Moments of N(0, 1) on (lower, upper); either bound may be infinite.
 ///
-/// An interval of zero width (or turned round, or NaN) has no probability: `None`.
+/// `None` for an interval without probability: of zero width, with reversed bounds, or NaN.
 pub fn truncated_moments(lower: f64, upper: f64) -> Option<TruncatedMoments> {
     if lower.is_nan() || upper.is_nan() || lower >= upper {
         return None;
@@ -61,7 +61,7 @@ pub fn log_interval_probability(lower: f64, upper: f64) -> f64 {
 
 fn closed_form(lower: f64, upper: f64) -> TruncatedMoments {
     let (density_lower, density_upper) = (pdf(lower), pdf(upper));
-    // What is outside; 1 − outside then keeps the digits that a logarithm near 0 needs.
+    // Probability outside; 1 − outside then has the digits that a logarithm near 0 needs.
     let outside = upper_tail(-lower) + upper_tail(upper);
     let inside = 1.0 - outside;
     let mean = if upper.is_infinite() {

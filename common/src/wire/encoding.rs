@@ -1,4 +1,4 @@
-//! Bytes of a message and back.
+//! Encoding of messages to bytes, and decoding.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -10,13 +10,13 @@ const MAGIC: [u8; 2] = *b"CX";
 /// Magic, version, kind.
 const HEADER_BYTES: usize = 5;
 
-/// Version of the layout of all messages. A change of any message's fields is a new version.
+/// Version of the layout of all messages. A change of any message's fields needs a new version.
 pub const WIRE_VERSION: u16 = 2;
 
-/// Longest message, header included, bytes. An epoch of 60 signals takes about 11 KiB.
+/// Maximum length of a message, header included, bytes. An epoch of 60 signals takes about 11 KiB.
 pub const MAXIMUM_MESSAGE_BYTES: usize = 256 * 1024;
 
-/// What kind of message follows the header; its place in this list is its byte there.
+/// Kind of the message after the header; the kind byte is its position in this list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageKind {
     /// [`EpochMessage`].
@@ -41,9 +41,9 @@ impl MessageKind {
     }
 }
 
-/// A message that has a kind of its own on the wire.
+/// A message with its own kind on the wire.
 pub trait WireMessage: Serialize + DeserializeOwned {
-    /// Its kind.
+    /// Kind of the message.
     const KIND: MessageKind;
 }
 
@@ -64,19 +64,19 @@ wire_messages!(
     PaceMessage: Pace
 );
 
-/// Why bytes are no message, or a message cannot become bytes.
+/// Error of encoding or decoding.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
     /// Longer than [`MAXIMUM_MESSAGE_BYTES`].
     #[error("message of {bytes} bytes is longer than the limit of {MAXIMUM_MESSAGE_BYTES}")]
     TooLong {
-        /// Its length.
+        /// Length of the message.
         bytes: usize,
     },
     /// Shorter than a header.
     #[error("message of {bytes} bytes is shorter than its header of {HEADER_BYTES}")]
     TooShort {
-        /// Its length.
+        /// Length of the message.
         bytes: usize,
     },
     /// Does not start with `CX`.
@@ -85,26 +85,26 @@ pub enum WireError {
         /// The first two bytes.
         found: [u8; 2],
     },
-    /// Another wire version.
+    /// Other wire version.
     #[error(
         "message has wire version {found}, this program speaks {WIRE_VERSION}: use the same release on both sides"
     )]
     Version {
-        /// The version of the message.
+        /// Version of the message.
         found: u16,
     },
-    /// A kind byte that this version does not know.
+    /// Kind byte without a meaning in this version.
     #[error("message kind {found} is unknown to wire version {WIRE_VERSION}")]
     UnknownKind {
         /// The kind byte.
         found: u8,
     },
-    /// A known kind in the wrong place.
+    /// Known kind in the wrong place.
     #[error("message is of kind {found:?}, expected {expected:?}")]
     WrongKind {
         /// The kind of the message.
         found: MessageKind,
-        /// The kind asked for.
+        /// Expected kind.
         expected: MessageKind,
     },
     /// The body ends before the message is complete.
@@ -115,30 +115,30 @@ pub enum WireError {
         /// The kind of the message.
         kind: MessageKind,
     },
-    /// The body holds something that the message cannot (an unknown variant, text that is not UTF-8, …).
+    /// The body contains an invalid value (an unknown variant, text that is not UTF-8, …).
     #[error("body of {bytes} bytes is not a {kind:?} message: {reason}")]
     Malformed {
         /// Length of the body.
         bytes: usize,
         /// The kind of the message.
         kind: MessageKind,
-        /// What the decoder says.
+        /// Error of the decoder.
         reason: String,
     },
     /// Bytes are left over after the message.
     #[error("{count} bytes are left over after the {kind:?} message")]
     TrailingBytes {
-        /// How many.
+        /// Number of bytes left over.
         count: usize,
         /// The kind of the message.
         kind: MessageKind,
     },
 }
 
-/// The bytes of a message.
+/// Encodes a message.
 ///
 /// # Errors
-/// [`WireError::TooLong`] for a message beyond the limit; nothing else can fail for the messages here.
+/// [`WireError::TooLong`] for a message beyond the limit; other errors are impossible for these messages.
 pub fn encode<M: WireMessage>(message: &M) -> Result<Vec<u8>, WireError> {
     let mut bytes = Vec::with_capacity(8 * 1024);
     bytes.extend_from_slice(&MAGIC);
@@ -155,10 +155,10 @@ pub fn encode<M: WireMessage>(message: &M) -> Result<Vec<u8>, WireError> {
     Ok(bytes)
 }
 
-/// The message in the bytes.
+/// Decodes a message.
 ///
 /// # Errors
-/// One [`WireError`] for each way in which bytes can fail to be a message of this kind and version.
+/// The [`WireError`] for bytes that are not a message of this kind and version.
 pub fn decode<M: WireMessage>(bytes: &[u8]) -> Result<M, WireError> {
     let (kind, body) = split_header(bytes)?;
     if kind != M::KIND {

@@ -10,24 +10,24 @@
 //! | `cofix/<group>/phone/<phone>/pace` | query to the hub of an agent that plays a recording at the speed of time or a multiple of it, with `?first=<its first epoch, ns of GPS time>;speed=<multiple>`: the [`PaceMessage`](super::PaceMessage) for that epoch, so that all agents of a group play the same time |
 //! | `cofix/<group>/fused/<phone>` | [`FusedMessage`](super::FusedMessage)s of the hub |
 
-/// Longest name of a group or phone, bytes.
+/// Maximum length of the name of a group or phone, bytes.
 pub const MAXIMUM_NAME_BYTES: usize = 64;
 
-/// A name that cannot be one chunk of a key expression.
+/// Error for a name that cannot be a chunk of a key expression.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum KeyNameError {
-    /// Nothing.
+    /// Empty name.
     #[error("the name is empty; give it at least one character")]
     Empty,
-    /// Longer than [`MAXIMUM_NAME_BYTES`].
+    /// Name longer than [`MAXIMUM_NAME_BYTES`].
     #[error("the name '{name}…' has {bytes} bytes; {MAXIMUM_NAME_BYTES} are allowed")]
     TooLong {
-        /// Its first characters.
+        /// First characters of the name.
         name: String,
-        /// Its length.
+        /// Length of the name.
         bytes: usize,
     },
-    /// A character with a meaning in key expressions, or one that cannot be seen.
+    /// A character with a meaning in key expressions, or an invisible one.
     #[error(
         "the name '{name}' contains {character:?}; letters, digits, '-', '_' and '.' are safe, and / * $ ? # @, blanks and control characters are not allowed"
     )]
@@ -39,7 +39,7 @@ pub enum KeyNameError {
     },
 }
 
-/// Whether a name may be a chunk of a key expression, and if not, why.
+/// Checks whether a name may be a chunk of a key expression.
 ///
 /// # Errors
 /// See [`KeyNameError`].
@@ -58,113 +58,113 @@ pub fn check_name(name: &str) -> Result<(), KeyNameError> {
     }
 }
 
-/// Where a phone's epochs are published.
+/// Key expression of a phone's epochs: `cofix/<group>/phone/<phone>/epoch`.
 ///
 /// # Errors
-/// When a name cannot be a chunk of a key.
+/// If a name cannot be a chunk of a key.
 pub fn epoch_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
     phone_key(group, phone, "epoch")
 }
 
-/// Where a phone's agent says that it started and finished.
+/// Key expression of the status messages of a phone's agent: `cofix/<group>/phone/<phone>/status`.
 ///
 /// # Errors
-/// When a name cannot be a chunk of a key.
+/// If a name cannot be a chunk of a key.
 pub fn status_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
     phone_key(group, phone, "status")
 }
 
-/// The liveliness token of a phone's agent.
+/// Key expression of the liveliness token of a phone's agent: `cofix/<group>/phone/<phone>/alive`.
 ///
 /// # Errors
-/// When a name cannot be a chunk of a key.
+/// If a name cannot be a chunk of a key.
 pub fn liveliness_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
     phone_key(group, phone, "alive")
 }
 
-/// Where an agent asks how many of its epochs the hub has received.
+/// Key expression of an agent's query for its receipt: `cofix/<group>/phone/<phone>/receipt`.
 ///
 /// # Errors
-/// When a name cannot be a chunk of a key.
+/// If a name cannot be a chunk of a key.
 pub fn receipt_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
     phone_key(group, phone, "receipt")
 }
 
-/// Where an agent that plays a recording asks when its first epoch is due.
+/// Key expression of the query of an agent with a paced recording for the time of its first epoch: `cofix/<group>/phone/<phone>/pace`.
 ///
 /// # Errors
-/// When a name cannot be a chunk of a key.
+/// If a name cannot be a chunk of a key.
 pub fn pace_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
     phone_key(group, phone, "pace")
 }
 
-/// All phones' questions for the pace of a group.
+/// Key expression of the pace queries of all phones of a group.
 ///
 /// # Errors
-/// When the group's name cannot be a chunk of a key.
+/// If the group's name cannot be a chunk of a key.
 pub fn all_paces_key(group: &str) -> Result<String, KeyNameError> {
     check_name(group).map(|()| format!("cofix/{group}/phone/*/pace"))
 }
 
-/// Where an agent answers with what it keeps of its run.
+/// Key expression of the queries for an agent's kept epochs: `cofix/<group>/phone/<phone>/history`.
 ///
 /// # Errors
-/// When a name cannot be a chunk of a key.
+/// If a name cannot be a chunk of a key.
 pub fn history_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
     phone_key(group, phone, "history")
 }
 
-/// All phones' receipts of a group.
+/// Key expression of the receipt queries of all phones of a group.
 ///
 /// # Errors
-/// When the group's name cannot be a chunk of a key.
+/// If the group's name cannot be a chunk of a key.
 pub fn all_receipts_key(group: &str) -> Result<String, KeyNameError> {
     check_name(group).map(|()| format!("cofix/{group}/phone/*/receipt"))
 }
 
-/// Where a phone's fused states are published.
+/// Key expression of a phone's fused states: `cofix/<group>/fused/<phone>`.
 ///
 /// # Errors
-/// When a name cannot be a chunk of a key.
+/// If a name cannot be a chunk of a key.
 pub fn fused_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
     check_name(group)?;
     check_name(phone)?;
     Ok(format!("cofix/{group}/fused/{phone}"))
 }
 
-/// All phones' epochs of a group.
+/// Key expression of the epochs of all phones of a group.
 ///
 /// # Errors
-/// When the group's name cannot be a chunk of a key.
+/// If the group's name cannot be a chunk of a key.
 pub fn all_epochs_key(group: &str) -> Result<String, KeyNameError> {
     check_name(group).map(|()| format!("cofix/{group}/phone/*/epoch"))
 }
 
-/// All phones' status messages of a group.
+/// Key expression of the status messages of all agents of a group.
 ///
 /// # Errors
-/// When the group's name cannot be a chunk of a key.
+/// If the group's name cannot be a chunk of a key.
 pub fn all_status_key(group: &str) -> Result<String, KeyNameError> {
     check_name(group).map(|()| format!("cofix/{group}/phone/*/status"))
 }
 
-/// All liveliness tokens of a group's agents.
+/// Key expression of the liveliness tokens of all agents of a group.
 ///
 /// # Errors
-/// When the group's name cannot be a chunk of a key.
+/// If the group's name cannot be a chunk of a key.
 pub fn all_liveliness_key(group: &str) -> Result<String, KeyNameError> {
     check_name(group).map(|()| format!("cofix/{group}/phone/*/alive"))
 }
 
-/// All fused states of a group.
+/// Key expression of all fused states of a group.
 ///
 /// # Errors
-/// When the group's name cannot be a chunk of a key.
+/// If the group's name cannot be a chunk of a key.
 pub fn all_fused_key(group: &str) -> Result<String, KeyNameError> {
     check_name(group).map(|()| format!("cofix/{group}/fused/*"))
 }
 
-/// The phone that a `cofix/<group>/phone/<phone>/…` key belongs to.
+/// The phone in a key `cofix/<group>/phone/<phone>/…`.
 pub fn phone_of_key(key: &str) -> Option<&str> {
     let mut chunks = key.split('/');
     let prefix = chunks.next()? == "cofix" && chunks.next().is_some() && chunks.next()? == "phone";

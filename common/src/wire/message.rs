@@ -1,4 +1,4 @@
-//! What is said on the wire.
+//! Messages on the wire.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,12 +9,12 @@ use crate::skips::Skips;
 use crate::solve::PointSolution;
 use crate::time::GpsTime;
 
-/// One phone at one epoch: `cofix/<group>/phone/<phone>/epoch`.
+/// Epoch of one phone: `cofix/<group>/phone/<phone>/epoch`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpochMessage {
     /// The phone's name within its group.
     pub phone: String,
-    /// 0, 1, 2, … without gaps in one run of an agent.
+    /// Sequence number, 0, 1, 2, … without gaps in one run of an agent.
     pub sequence: u64,
     /// Receive time, GPS time.
     pub time_gps: GpsTime,
@@ -22,99 +22,99 @@ pub struct EpochMessage {
     pub observations: Vec<CorrectedObservation>,
     /// Epoch-wise solution, if there was one.
     pub wls: Option<PointSolution>,
-    /// State of the local filter after this epoch, once it is initialised.
+    /// State of the local filter after this epoch; `None` before initialisation.
     pub local: Option<PhoneState>,
-    /// RAIM on the epoch-wise solution.
+    /// RAIM report on the epoch-wise solution.
     pub raim: RaimReport,
 }
 
-/// One phone after fusion: `cofix/<group>/fused/<phone>`.
+/// State of one phone after fusion: `cofix/<group>/fused/<phone>`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FusedMessage {
     /// The phone's name within its group.
     pub phone: String,
-    /// The time that the state is for, GPS time.
+    /// Time of the state, GPS time.
     pub time_gps: GpsTime,
     /// State after fusion and constraints.
     pub state: PhoneState,
-    /// The agent's verdict for this epoch; `None` when the phone had no epoch and was carried by prediction.
+    /// RAIM verdict of the agent for this epoch; `None` for a phone without an epoch, whose state is predicted.
     pub verdict: Option<Verdict>,
-    /// How many constraints acted on this phone at this epoch.
+    /// Number of constraints that acted on this phone at this epoch.
     pub constraints_acted: u16,
 }
 
-/// What an agent says about itself: `cofix/<group>/phone/<phone>/status`.
+/// Status of an agent: `cofix/<group>/phone/<phone>/status`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StatusMessage {
     /// The phone's name within its group.
     pub phone: String,
-    /// What happened.
+    /// Start or end of the run.
     pub status: PhoneStatus,
 }
 
-/// Which epochs of its run an agent keeps: first in every answer to `cofix/<group>/phone/<phone>/history`.
+/// Range of the epochs that an agent keeps: first in every answer to `cofix/<group>/phone/<phone>/history`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct KeptMessage {
     /// The phone's name within its group.
     pub phone: String,
-    /// Sequence number of the oldest epoch that is kept; `next` when none is.
+    /// Sequence number of the oldest kept epoch; equal to `next` if no epoch is kept.
     pub first: u64,
-    /// Sequence number of the epoch that is published next.
+    /// Sequence number of the next epoch to be published.
     pub next: u64,
 }
 
-/// The hub's answer to an agent that asks about its run at `cofix/<group>/phone/<phone>/receipt`.
+/// Answer of the hub to an agent's query about its run at `cofix/<group>/phone/<phone>/receipt`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ReceiptMessage {
-    /// How far the hub is with the run.
+    /// Progress of the hub with the run.
     Run(Receipt),
-    /// The session has no phone of the key's name.
+    /// The session has no phone with the name in the key.
     UnknownPhone {
-        /// The names of its phones.
+        /// Names of the session's phones.
         known: Vec<String>,
     },
 }
 
-/// How many epochs of one run the hub has decided about.
+/// Numbers of epochs of one run that have arrived or are given up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Receipt {
-    /// Epochs that have arrived.
+    /// Number of received epochs.
     pub received: u64,
-    /// Epochs that are missing and no longer expected.
+    /// Number of missing epochs that are no longer expected.
     pub lost: u64,
 }
 
 impl Receipt {
-    /// Epochs that have arrived or are no longer expected.
+    /// Number of epochs that have arrived or are no longer expected.
     pub const fn settled(self) -> u64 {
         self.received.saturating_add(self.lost)
     }
 }
 
-/// The hub's answer to an agent that plays a recording, at `cofix/<group>/phone/<phone>/pace`.
+/// Answer of the hub to an agent that plays a recording, at `cofix/<group>/phone/<phone>/pace`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PaceMessage {
-    /// Time until the first epoch is due, s; negative when it was due earlier.
+    /// Time until the first epoch is due, s; negative if it was due earlier.
     pub due_in_s: f64,
 }
 
-/// The two ends of an agent's run.
+/// Start or end of an agent's run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum PhoneStatus {
     /// The agent is about to publish its first epoch; sequence numbers start at 0.
     Started {
-        /// Source, products and speed, for people.
+        /// Source, products and speed, as text for the user.
         summary: String,
-        /// How many epochs will come, when the source knows.
+        /// Number of epochs to come, if the source knows it.
         epochs_expected: Option<u64>,
     },
     /// The agent has published its last epoch.
     Finished {
-        /// How many epochs were published; their sequence numbers are 0 to this − 1.
+        /// Number of published epochs; their sequence numbers are 0 to this − 1.
         epochs_published: u64,
-        /// What was skipped on the way.
+        /// Counts of skips on the way by reason.
         skips: Skips,
-        /// Why the run ended early, if it did.
+        /// Reason for an early end of the run.
         error: Option<String>,
     },
 }

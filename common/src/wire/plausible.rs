@@ -1,7 +1,6 @@
-//! Whether the values of a message can be true.
+//! Plausibility of the values of a message.
 //!
-//! The limits are wide: they stop NaN, garbage and units mixed up, not bad measurements, which are the
-//! estimator's business.
+//! The limits are wide: they reject NaN, garbage and wrong units. Bad measurements are left to the estimator.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -18,14 +17,14 @@ use crate::skips::{Reason, Skips};
 use crate::solve::{PointSolution, VelocitySolution};
 use crate::time::GpsTime;
 
-/// Most observations in one message; a phone sees about 60 signals.
+/// Maximum number of observations in one message; a phone receives about 60 signals.
 pub const MAXIMUM_OBSERVATIONS: usize = 256;
 
 /// 2200-01-01 00:00:00 GPST.
 const LATEST_NANOS: i64 = 6_942_153_600_000_000_000;
-/// A sigma below a millimetre (or mm/s) would silence all other measurements of its phone.
+/// Standard deviations, m or m/s. A value below a millimetre would dominate all other measurements of the phone.
 const SIGMA: RangeInclusive<f64> = 1e-3..=1e4;
-/// Doppler up to its limit (200 kHz) on the longest wavelength in use.
+/// Range rates: Doppler up to its limit (200 kHz) on the longest wavelength in use.
 const RANGE_RATE_MPS: RangeInclusive<f64> = -6e4..=6e4;
 const SATELLITE_RADIUS_M: RangeInclusive<f64> = 6.4e6..=6e7;
 const SATELLITE_SPEED_MPS: RangeInclusive<f64> = 0.0..=2e4;
@@ -36,28 +35,28 @@ const SPEED_MPS: RangeInclusive<f64> = -1e5..=1e5;
 const POSITIVE: RangeInclusive<f64> = 0.0..=f64::MAX;
 /// Variances of positions (m²), velocities and accelerations: a tenth of a millimetre to a thousand kilometres.
 const VARIANCE: RangeInclusive<f64> = 1e-8..=1e12;
-/// Longest time from now to a recording's first epoch, s.
+/// Time until a recording's first epoch is due, s.
 const DUE_IN_S: RangeInclusive<f64> = -3_600.0..=3_600.0;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
 
-/// A value outside the range in which it can be true; NaN is outside every range.
+/// A value outside its plausible range; NaN is outside every range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{quantity} is {value:e}, outside {lower:e} to {upper:e}")]
 pub struct Implausible {
-    /// What the value is, with its unit.
+    /// Name of the quantity, with its unit.
     pub quantity: &'static str,
     /// The value.
     pub value: f64,
-    /// Least plausible value.
+    /// Minimum plausible value.
     pub lower: f64,
-    /// Greatest plausible value.
+    /// Maximum plausible value.
     pub upper: f64,
 }
 
-/// What is wrong with a message.
+/// Error of an invalid message.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidMessage {
-    /// The phone's name cannot be one.
+    /// The phone's name is not a valid name.
     #[error("phone: {0}")]
     Name(#[from] KeyNameError),
     /// The name differs from the one in the key.
@@ -68,23 +67,23 @@ pub enum InvalidMessage {
         /// The name in the key.
         expected: String,
     },
-    /// Before 1980 or after 2200.
+    /// The time is before 1980 or after 2200.
     #[error("sequence {sequence}: the time {time_gps} is outside 1980 to 2200")]
     Time {
         /// The message's sequence number.
         sequence: u64,
-        /// Its time.
+        /// Time of the message.
         time_gps: GpsTime,
     },
-    /// More than [`MAXIMUM_OBSERVATIONS`].
+    /// More than [`MAXIMUM_OBSERVATIONS`] observations.
     #[error("{time_gps}: {count} observations, more than {MAXIMUM_OBSERVATIONS}")]
     TooManyObservations {
         /// The message's time.
         time_gps: GpsTime,
-        /// How many.
+        /// Number of observations.
         count: usize,
     },
-    /// An observation with an absurd value.
+    /// An observation has an implausible value.
     #[error("{satellite} {signal} at {time_gps}: {implausible}")]
     Observation {
         /// The satellite.
@@ -96,7 +95,7 @@ pub enum InvalidMessage {
         /// The value.
         implausible: Implausible,
     },
-    /// A signal that the satellite cannot send, by the table that all decoders go by.
+    /// The satellite cannot transmit the signal, by the signal table of all decoders.
     #[error("{satellite} {signal} at {time_gps}: {reason}")]
     Signal {
         /// The satellite.
@@ -105,10 +104,10 @@ pub enum InvalidMessage {
         signal: SignalCode,
         /// The message's time.
         time_gps: GpsTime,
-        /// Why not.
+        /// Reason from the signal table.
         reason: Reason,
     },
-    /// A satellite's signal for the second time.
+    /// A satellite's signal occurs twice.
     #[error("{satellite} {signal} at {time_gps}: second observation of the same signal")]
     Duplicate {
         /// The satellite.
@@ -118,10 +117,10 @@ pub enum InvalidMessage {
         /// The message's time.
         time_gps: GpsTime,
     },
-    /// The epoch-wise solution, the local state or the RAIM figures hold an absurd value.
+    /// The epoch-wise solution, the local state or the RAIM values contain an implausible value.
     #[error("{part} at {time_gps}: {implausible}")]
     Part {
-        /// Which one.
+        /// The part.
         part: Part,
         /// The message's time.
         time_gps: GpsTime,
@@ -130,7 +129,7 @@ pub enum InvalidMessage {
     },
 }
 
-/// The parts of a message that can be dropped on their own.
+/// Parts of a message that can be dropped separately.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// [`EpochMessage::wls`].
@@ -152,10 +151,10 @@ impl fmt::Display for Part {
 }
 
 impl EpochMessage {
-    /// Whether the whole message can be true.
+    /// Checks the whole message.
     ///
     /// # Errors
-    /// The first thing that cannot.
+    /// The first implausible value.
     pub fn validate(&self) -> Result<(), InvalidMessage> {
         self.check_frame()?;
         let mut seen = BTreeSet::new();
@@ -168,8 +167,8 @@ impl EpochMessage {
         Ok(())
     }
 
-    /// Drops what cannot be true and keeps the rest: each dropped observation and part is counted in `skips`.
-    /// `None`, counted too, when nothing can be kept: a name other than `phone`, an absurd time, too many observations.
+    /// Drops implausible parts and keeps the rest: each dropped observation and part is counted in `skips`.
+    /// `None`, also counted, if nothing can be kept: a name other than `phone`, an implausible time, too many observations.
     pub fn sanitise(mut self, phone: &str, skips: &mut Skips) -> Option<Self> {
         let frame = self.check_frame().and_then(|()| self.check_phone(phone));
         if let Err(error) = frame {
@@ -263,10 +262,10 @@ impl EpochMessage {
 }
 
 impl PaceMessage {
-    /// The message, if its time can be true.
+    /// Checks the time of the message.
     ///
     /// # Errors
-    /// When it is more than an hour from now, or not a number.
+    /// If it is more than an hour from now, or NaN.
     pub fn validate(self) -> Result<Self, Implausible> {
         within("time until the first epoch is due (s)", self.due_in_s, DUE_IN_S).map(|()| self)
     }
@@ -319,7 +318,7 @@ fn check_covariance<const N: usize>(
     let largest = covariance.amax();
     let asymmetry = (covariance - covariance.transpose()).amax() / largest;
     within("asymmetry of a covariance", asymmetry, 0.0..=1e-9)?;
-    // Ones and zeros stand for yes and no: a matrix that has no Cholesky factor is no covariance.
+    // 1 for a definite matrix, 0 otherwise: a matrix without a Cholesky factor is not a covariance.
     let is_definite = Cholesky::new(*covariance).is_some();
     within("definiteness of a covariance", f64::from(u8::from(is_definite)), 1.0..=1.0)
 }

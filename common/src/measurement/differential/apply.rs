@@ -14,6 +14,13 @@ const LOOK_BACK: usize = 3;
 /// Minimum sine of the elevation in the distance term, because 1/sin e has no bound.
 const LOWEST_SINE: f64 = 0.1;
 
+/// Receiver position and time of a rover epoch.
+#[derive(Clone, Copy, Debug)]
+struct Rover {
+    position: Ecef,
+    time_gps: GpsTime,
+}
+
 /// Result of the search for a correction of one observation.
 #[derive(Clone, Copy, Debug)]
 enum Found {
@@ -43,36 +50,38 @@ impl Differential {
         time_gps: GpsTime,
     ) -> Applied {
         let mut applied = Applied::default();
-        let fresh = self.fresh(rover, time_gps);
+        let rover = Rover { position: rover, time_gps };
+        let fresh = self.fresh(rover);
         if fresh.is_empty() {
             self.count_stale(observations, time_gps, &mut applied);
             return applied;
         }
-        let (mut found, mut any) = (Vec::new(), false);
+        let (mut found, mut any_corrected) = (Vec::new(), false);
         for (base, newest) in fresh {
             found = observations.iter().map(|o| self.find(base, newest, o, time_gps)).collect();
-            any = found.iter().any(|found| matches!(found, Found::Corrected(_)));
-            if any {
+            any_corrected = found.iter().any(|found| matches!(found, Found::Corrected(_)));
+            if any_corrected {
                 break;
             }
         }
         let mut found = found.into_iter();
         observations.retain_mut(|observation| {
             let found = found.next().unwrap_or(Found::Missing);
-            self.settle(observation, found, (rover, time_gps), any, &mut applied)
+            self.apply_found(observation, found, rover, any_corrected, &mut applied)
         });
         applied
     }
 
     /// Bases with an epoch that is not too old, nearest first: base number and index of its last epoch up to the rover's time, or else of
     /// the next epoch.
-    fn fresh(&self, rover: Ecef, time_gps: GpsTime) -> Vec<(usize, usize)> {
+    fn fresh(&self, rover: Rover) -> Vec<(usize, usize)> {
+        let Rover { position, time_gps } = rover;
         let fresh = self.bases.iter().enumerate().filter_map(|(base, epochs)| {
             let later = epochs.partition_point(|epoch| epoch.time_gps() <= time_gps);
             let newest = later.saturating_sub(1);
             let epoch = epochs.get(newest)?;
             let age_s = (time_gps - epoch.time_gps()).abs();
-            let distance_m = epoch.position().distance_m(rover);
+            let distance_m = epoch.position().distance_m(position);
             (age_s <= self.options.maximum_age_s).then_some((distance_m, base, newest))
         });
         let mut fresh: Vec<_> = fresh.collect();
@@ -147,16 +156,16 @@ impl Differential {
     }
 
     /// Applies the result of the search. Returns whether the observation stays.
-    fn settle(
+    fn apply_found(
         &self,
         observation: &mut CorrectedObservation,
         found: Found,
-        (rover, time_gps): (Ecef, GpsTime),
-        any: bool,
+        rover: Rover,
+        any_corrected: bool,
         applied: &mut Applied,
     ) -> bool {
         let (satellite, signal) = (observation.satellite, observation.signal);
-        let name = || format!("{satellite} {signal} at {time_gps}");
+        let name = || format!("{satellite} {signal} at {}", rover.time_gps);
         match found {
             Found::Corrected(found) => {
                 if found.is_other_code {
@@ -167,7 +176,7 @@ impl Differential {
                 } else {
                     applied.counts.corrected += 1;
                 }
-                self.correct(observation, &found, rover, time_gps);
+                self.correct(observation, &found, rover);
                 true
             }
             Found::Refused => {
@@ -178,7 +187,7 @@ impl Differential {
             Found::Missing => {
                 applied.counts.missing += 1;
                 let (reason, stays) = match self.options.uncorrected {
-                    _ if !any => (Reason::ObservationUncorrected, true),
+                    _ if !any_corrected => (Reason::ObservationUncorrected, true),
                     Uncorrected::Dropped => (Reason::ObservationWithoutCorrectionDropped, false),
                     Uncorrected::Kept { sigma_m } => {
                         observation.pseudorange_sigma_m = observation.pseudorange_sigma_m.hypot(sigma_m);
@@ -192,17 +201,11 @@ impl Differential {
     }
 
     /// Subtracts the correction, and replaces the variances of the models by those of rover code, base code, age and distance.
-    fn correct(
-        &self,
-        observation: &mut CorrectedObservation,
-        found: &FoundCorrection,
-        rover: Ecef,
-        time_gps: GpsTime,
-    ) {
+    fn correct(&self, observation: &mut CorrectedObservation, found: &FoundCorrection, rover: Rover) {
         let FoundCorrection { correction, position, age_s, is_other_code } = found;
         let options = &self.options;
         let elevation_rad = observation.direction.elevation_rad;
-        let slant_m = position.distance_m(rover) / elevation_rad.sin().max(LOWEST_SINE);
+        let slant_m = position.distance_m(rover.position) / elevation_rad.sin().max(LOWEST_SINE);
         let other_code_m = if *is_other_code { options.other_code_sigma_m } else { 0.0 };
         let variance_m2 = code_variance_m2(self.correction.stochastic.code, observation)
             + self.channel_variance_m2(observation)
@@ -210,7 +213,7 @@ impl Differential {
             + (options.age_sigma_mps * age_s).powi(2)
             + (options.distance_sigma * slant_m).powi(2)
             + other_code_m.powi(2);
-        let sent = time_gps + -(observation.pseudorange_m / SPEED_OF_LIGHT_MPS);
+        let sent = rover.time_gps + -(observation.pseudorange_m / SPEED_OF_LIGHT_MPS);
         let change_m = correction.change_of_message_m(&self.products, sent, *position);
         observation.pseudorange_m -= correction.correction_m + change_m;
         observation.pseudorange_sigma_m = variance_m2.sqrt();

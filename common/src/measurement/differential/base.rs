@@ -1,6 +1,6 @@
 //! Epochs of a base and their corrections.
 
-use super::clock::common;
+use super::clock::mean_and_outliers;
 use super::{CorrectedObservation, Corrector, DifferentialOptions, code_variance_m2};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::Ecef;
@@ -105,7 +105,7 @@ fn compute(
         }
         let left = |o: &CorrectedObservation| o.pseudorange_m - o.satellite_position.distance_m(position);
         let values: Vec<_> = fellows.iter().map(|o| (left(o), o.pseudorange_sigma_m)).collect();
-        let Some((clock_m, outliers)) = common(&values, options.outlier_sigmas) else { continue };
+        let Some((clock_m, outliers)) = mean_and_outliers(&values, options.outlier_sigmas) else { continue };
         for ((observation, (left_m, sigma_m)), is_refused) in fellows.iter().zip(values).zip(outliers) {
             let correction_m = left_m - clock_m;
             if is_refused {
@@ -165,7 +165,7 @@ impl BaseCorrection {
                 .map(|old| observed(now) - observed(old)),
         };
         let delay_m =
-            |reference, at| group_delay_m(products, (satellite, self.signal), reference, at).unwrap_or(0.0);
+            |reference, at| group_delay_m(products, satellite, self.signal, reference, at).unwrap_or(0.0);
         change_m.map_or(0.0, |change_m| {
             change_m + delay_m(now.clock_reference, sent) - delay_m(then.clock_reference, self.sent)
         })
@@ -175,7 +175,8 @@ impl BaseCorrection {
 /// Group delay correction of a signal or of a pair.
 fn group_delay_m(
     products: &Products,
-    (satellite, signal): (SatelliteId, SignalCode),
+    satellite: SatelliteId,
+    signal: SignalCode,
     reference: ClockReference,
     time: GpsTime,
 ) -> Option<f64> {

@@ -10,7 +10,7 @@ pub(super) type Value = (f64, f64);
 
 /// Weighted mean of the values without outliers, and a flag per value for outliers. An outlier differs from the median by more than `limit`
 /// times its standard deviation, which is scaled up if the values scatter more than expected. `None` without values.
-pub(super) fn common(values: &[Value], limit: f64) -> Option<(f64, Vec<bool>)> {
+pub(super) fn mean_and_outliers(values: &[Value], limit: f64) -> Option<(f64, Vec<bool>)> {
     let centre = median(values.iter().map(|(value, _)| *value).collect())?;
     let standardised: Vec<f64> =
         values.iter().map(|(value, sigma)| ((value - centre) / sigma).abs()).collect();
@@ -41,24 +41,24 @@ mod tests {
     #[test]
     fn the_mean_is_of_those_that_agree() {
         let values = [(10.0, 1.0), (11.0, 1.0), (9.0, 1.0), (10.5, 2.0), (60.0, 1.0)];
-        let (mean, outliers) = common(&values, 5.0).unwrap();
+        let (mean, outliers) = mean_and_outliers(&values, 5.0).unwrap();
         assert_eq!(outliers, [false, false, false, false, true]);
         assert!((mean - (30.0 + 10.5 / 4.0) / 3.25).abs() < 1e-12);
-        let (mean, outliers) = common(&values[1..3], 5.0).unwrap();
+        let (mean, outliers) = mean_and_outliers(&values[1..3], 5.0).unwrap();
         assert_eq!((mean, outliers), (10.0, vec![false, false]));
-        assert_eq!(common(&[], 5.0), None);
-        assert_eq!(common(&[(f64::NAN, 1.0)], 5.0), None);
+        assert_eq!(mean_and_outliers(&[], 5.0), None);
+        assert_eq!(mean_and_outliers(&[(f64::NAN, 1.0)], 5.0), None);
     }
 
     #[test]
     fn values_that_scatter_widely_are_no_outliers() {
         let values = [(-30.0, 1.0), (-10.0, 1.0), (0.0, 1.0), (12.0, 1.0), (33.0, 1.0)];
-        assert!(!common(&values, 5.0).unwrap().1.contains(&true));
+        assert!(!mean_and_outliers(&values, 5.0).unwrap().1.contains(&true));
     }
 
     #[test]
     fn three_values_are_not_judged() {
         let values = [(0.0, 1.0), (0.1, 1.0), (100.0, 1.0)];
-        assert!(!common(&values, 5.0).unwrap().1.contains(&true));
+        assert!(!mean_and_outliers(&values, 5.0).unwrap().1.contains(&true));
     }
 }

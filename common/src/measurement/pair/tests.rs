@@ -54,7 +54,7 @@ fn the_ionosphere_cancels() {
         ("J02", [*b"1C", *b"5Q"], 11.0),
     ] {
         let signals = codes.map(|code| signal(satellite, code, delay_m)).to_vec();
-        let combined = Ionosphere::Pair.combine(signals.clone(), &mut skips);
+        let combined = Ionosphere::Pair.form_pairs(signals.clone(), &mut skips);
         let [pair] = combined.as_slice() else { panic!("{satellite}: {:?}", names(&combined)) };
         assert!((pair.pseudorange_m - RANGE_M).abs() < 1e-9, "{satellite}: {}", pair.pseudorange_m);
         let higher = usize::from(signals[0].frequency_hz < signals[1].frequency_hz);
@@ -70,7 +70,7 @@ fn other_delays_stay_and_are_the_same_for_every_satellite() {
         let mut second = signal(satellite, *b"5Q", 5.0);
         second.pseudorange_m += 10.0;
         let pairs =
-            Ionosphere::Pair.combine(vec![signal(satellite, *b"1C", 5.0), second], &mut Skips::default());
+            Ionosphere::Pair.form_pairs(vec![signal(satellite, *b"1C", 5.0), second], &mut Skips::default());
         pairs[0].pseudorange_m - RANGE_M
     };
     let gamma = (1_575.42_f64 / 1_176.45).powi(2);
@@ -93,32 +93,33 @@ fn the_bands_farthest_apart_make_the_pair() {
         signal("G03", *b"5Q", 1.0),
     ];
     let mut skips = Skips::default();
-    let pairs = Ionosphere::Pair.combine(signals.clone(), &mut skips);
+    let pairs = Ionosphere::Pair.form_pairs(signals.clone(), &mut skips);
     assert_eq!(names(&pairs), ["G01 1+5", "G02 1C", "E01 1+5", "G03 2L", "G03 5Q"]);
     assert!(skips.is_empty(), "{skips}");
-    let alone = Ionosphere::PairOnly.combine(signals.clone(), &mut skips);
+    let alone = Ionosphere::PairOnly.form_pairs(signals.clone(), &mut skips);
     assert_eq!(names(&alone), ["G01 1+5", "E01 1+5"]);
     assert_eq!(skips.count(Reason::NoSecondBandForPair), 3);
-    assert_eq!(names(&Ionosphere::Model.combine(signals.clone(), &mut skips)), names(&signals));
+    assert_eq!(names(&Ionosphere::Model.form_pairs(signals.clone(), &mut skips)), names(&signals));
 }
 
 #[test]
 fn a_signal_without_frequency_makes_no_pair() {
     let unknown = PreparedObservation { frequency_hz: f64::NAN, ..signal("R01", *b"1C", 1.0) };
     let signals = vec![unknown, signal("R01", *b"2C", 1.0)];
-    assert_eq!(Ionosphere::Pair.combine(signals, &mut Skips::default()).len(), 2);
+    assert_eq!(Ionosphere::Pair.form_pairs(signals, &mut Skips::default()).len(), 2);
 }
 
 #[test]
 fn variances_are_propagated() {
     let mut second = signal("G01", *b"5Q", 0.0);
     second.signal_variance_m2 = 4.0;
-    let pairs = Ionosphere::Pair.combine(vec![signal("G01", *b"1C", 0.0), second], &mut Skips::default());
+    let pairs = Ionosphere::Pair.form_pairs(vec![signal("G01", *b"1C", 0.0), second], &mut Skips::default());
     let gamma = (1_575.42_f64 / 1_176.45).powi(2);
     let expected = (gamma * gamma * 2.0 + (3.0 + 4.0)) / (gamma - 1.0).powi(2);
     let variance_m2 = pairs[0].second.unwrap().variance_m2(2.0, 3.0);
     assert!((variance_m2 - expected).abs() < 1e-9, "{variance_m2} {expected}");
-    let equal = Second { signal_variance_m2: 0.0, ..pairs[0].second.unwrap() }.variance_m2(1.0, 1.0).sqrt();
+    let equal =
+        SecondSignal { signal_variance_m2: 0.0, ..pairs[0].second.unwrap() }.variance_m2(1.0, 1.0).sqrt();
     assert!((equal - 2.588).abs() < 1e-3, "{equal}");
 }
 
@@ -134,7 +135,7 @@ fn the_factor_of_the_variance_follows_from_the_name() {
         let signals = codes.map(|code| signal(satellite, code, 0.0)).to_vec();
         let constellation = signals[0].observation.satellite.constellation;
         assert_eq!(variance_factor(signals[0].observation.signal, constellation), 1.0);
-        let second = Ionosphere::Pair.combine(signals, &mut Skips::default())[0].second.unwrap();
+        let second = Ionosphere::Pair.form_pairs(signals, &mut Skips::default())[0].second.unwrap();
         let factor = variance_factor(second.pair, constellation);
         assert!((factor - second.variance_m2(1.0, 1.0)).abs() < 1e-9, "{satellite}: {factor}");
         assert!(factor > 6.0);
@@ -146,7 +147,7 @@ fn a_pair_whose_first_signal_lacks_a_doppler_has_the_seconds_rate() {
     let first = PreparedObservation { range_rate_mps: None, ..signal("G01", *b"1C", 1.0) };
     let second = signal("G01", *b"5Q", 1.0);
     let rate_mps = second.range_rate_mps;
-    let pairs = Ionosphere::Pair.combine(vec![first, second], &mut Skips::default());
+    let pairs = Ionosphere::Pair.form_pairs(vec![first, second], &mut Skips::default());
     assert!(rate_mps.is_some() && pairs[0].range_rate_mps == rate_mps);
 }
 

@@ -95,7 +95,7 @@ fn every_defect_has_its_own_error() {
         refused(&vec![0; MAXIMUM_MESSAGE_BYTES + 1]),
         WireError::TooLong { bytes: MAXIMUM_MESSAGE_BYTES + 1 }
     );
-    // The name's bytes start after its length: 0xff is never UTF-8.
+    // The bytes of the name start after its length: 0xff is never UTF-8.
     assert!(matches!(refused(&changed(HEADER_BYTES + 1, 0xff)), WireError::Malformed { .. }));
 }
 

@@ -2,10 +2,10 @@ use super::super::example::{message, observation};
 use super::*;
 use crate::skips::Reason;
 
-/// One way to spoil an observation.
+/// A change that makes an observation invalid.
 type Spoil = fn(&mut CorrectedObservation);
 
-/// One way to spoil a message.
+/// A change that makes a message invalid.
 type SpoilMessage = fn(&mut EpochMessage);
 
 const SPOILS: [(&str, Spoil); 16] = [
@@ -47,7 +47,7 @@ fn ionosphere_free_pairs_pass_and_other_letters_do_not() {
     }
 }
 
-/// What the decoders let through passes, what they refuse does not.
+/// Signals accepted by the decoders pass; signals that they refuse do not.
 #[test]
 fn signals_are_those_of_the_satellites() {
     for (satellite, code, passes) in [
