@@ -357,7 +357,8 @@ fn rows_that_the_phone_itself_doubts_are_masked() {
     let mut decoder = DerivedDecoder::new(Masks::none());
     decoder.feed(format!("{header}{}", table.concat()).as_bytes()).unwrap();
     decoder.finish().unwrap();
-    assert_eq!(decoder.next_epoch().unwrap().observations.len(), 5, "{}", decoder.skips());
+    decoder.next_record();
+    assert_eq!(decoder.last_epoch().unwrap().observations.len(), 5, "{}", decoder.skips());
 }
 
 /// The tables of 2021 carry the time of the next epoch.
@@ -628,10 +629,10 @@ fn decode(portions: &[&[u8]]) -> (Vec<Record>, String) {
 fn epochs_come_out_while_the_stream_goes_on() {
     let mut decoder = DerivedDecoder::default();
     decoder.feed(table_2021(100).as_bytes()).unwrap();
-    let early = std::iter::from_fn(|| decoder.next_epoch()).count();
+    let early = std::iter::from_fn(|| decoder.next_record()).count();
     assert_eq!(early, 39, "all that are more than a minute behind");
     decoder.finish().unwrap();
-    assert_eq!(early + std::iter::from_fn(|| decoder.next_epoch()).count(), 100);
+    assert_eq!(early + std::iter::from_fn(|| decoder.next_record()).count(), 100);
 }
 
 /// A table that stays within one minute for ever must not fill the memory.
@@ -641,7 +642,7 @@ fn epochs_without_end_within_a_minute_come_out_too() {
     let table: String = (0..5_000).map(|ms| row_2021(START_MS + ms, &sat)).collect();
     let mut decoder = DerivedDecoder::default();
     decoder.feed(format!("{HEADER_2021}{table}").as_bytes()).unwrap();
-    let early = std::iter::from_fn(|| decoder.next_epoch()).count();
+    let early = std::iter::from_fn(|| decoder.next_record()).count();
     assert!((3_000..5_000).contains(&early), "{early}: {}", decoder.skips());
 }
 

@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)] // helpers of tests
 
+mod file_records;
 #[macro_use]
 mod navigation_records;
 
@@ -12,6 +13,7 @@ use cofix_common::gnss::Observation;
 use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris};
 use cofix_common::skips::{Reason, Skips};
+use file_records::into_records;
 use proptest::prelude::*;
 
 const OBSERVATIONS_2: &str =
@@ -178,7 +180,7 @@ fn check_observations(bytes: &[u8], size: usize) {
         assert!(file.epochs.iter().flat_map(|e| &e.observations).all(in_bounds));
     }
     if !bytes.starts_with(&[0x1f, 0x8b]) {
-        let whole = file.map(|f| (f.clone().into_records(), f.skips));
+        let whole = file.map(|f| (into_records(f.clone()), f.skips));
         assert_eq!(streamed(&mut ObservationDecoder::default(), bytes, size), whole);
     }
 }

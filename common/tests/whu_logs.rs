@@ -3,21 +3,19 @@
 #![allow(clippy::unwrap_used, clippy::indexing_slicing)] // helpers of tests
 
 use cofix_common::formats::decode::{Decoder, Record};
-use cofix_common::formats::whu::{SpareLogDecoder, StatedSigmas};
+use cofix_common::formats::whu::SpareLogDecoder;
 use cofix_common::gnss::{Observation, ObservationEpoch};
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
-type Stated = Vec<StatedSigmas>;
-
-fn decode(text: &str) -> (Vec<(ObservationEpoch, Stated)>, Skips) {
+fn decode(text: &str) -> (Vec<ObservationEpoch>, Skips) {
     let mut decoder = SpareLogDecoder::default();
     decoder.feed(text.as_bytes()).unwrap();
     decoder.finish().unwrap();
     let mut epochs = Vec::new();
     while let Some(record) = decoder.next_record() {
         let Record::Epoch(epoch) = record else { continue };
-        epochs.push((epoch, decoder.stated_sigmas().to_vec()));
+        epochs.push(epoch);
     }
     (epochs, decoder.skips().clone())
 }
@@ -46,22 +44,14 @@ fn values_are_those_of_the_line() {
     );
     let (epochs, skips) = decode(&text);
     assert!(skips.is_empty(), "{skips}");
-    let (epoch, stated) = &epochs[0];
+    let epoch = &epochs[0];
     assert_eq!(epoch.time_gps, start() + 7.000_147);
     let names: Vec<_> = epoch.observations.iter().map(|o| format!("{} {}", o.satellite, o.signal)).collect();
     assert_eq!(names, ["G10 1C", "C09 2I"]);
     let Observation { pseudorange_m, carrier_phase_cycles, doppler_hz, cn0_dbhz, .. } = epoch.observations[0];
     assert_eq!((pseudorange_m, carrier_phase_cycles), (Some(21_489_716.0), Some(4_652_187.0)));
     assert_eq!((doppler_hz, cn0_dbhz), (Some(-2_921.6), Some(44.5)));
-    assert_eq!(
-        stated[0],
-        StatedSigmas {
-            pseudorange_m: Some(2.997_924_6),
-            carrier_phase_cycles: Some(5.5e-4),
-            doppler_hz: Some(0.001)
-        }
-    );
-    assert_eq!((epoch.observations[1].carrier_phase_cycles, stated[1].carrier_phase_cycles), (None, None));
+    assert_eq!(epoch.observations[1].carrier_phase_cycles, None);
 }
 
 #[test]
@@ -69,10 +59,9 @@ fn zero_and_null_are_missing() {
     let signal = r#"{"d":0.0,"l":null,"p":2.1E7,"prn":10,"snr":0.0,"type":"L1C","vd":0.1,"vp":0.0}"#;
     let nothing = r#"{"d":0.0,"l":0.0,"lli":0,"p":0.0,"prn":11,"snr":0.0,"type":"L1C"}"#;
     let (epochs, skips) = decode(&line(0.0, &[signal, nothing]));
-    let (epoch, stated) = &epochs[0];
+    let epoch = &epochs[0];
     let Observation { carrier_phase_cycles, doppler_hz, cn0_dbhz, .. } = epoch.observations[0];
     assert_eq!((carrier_phase_cycles, doppler_hz, cn0_dbhz), (None, None, None));
-    assert_eq!(stated.as_slice(), [StatedSigmas::default()]);
     assert_eq!((epoch.observations.len(), skips.count(Reason::SignalWithoutValue)), (1, 1));
 }
 
@@ -91,7 +80,7 @@ fn a_slip_without_a_phase_is_told_by_the_next_phase() {
     let (epochs, _) = decode(&lines.concat());
     let slips: Vec<_> = epochs
         .iter()
-        .map(|(epoch, _)| {
+        .map(|epoch| {
             let [ten, twelve] = [0, 1].map(|at| epoch.observations[at].loss_of_lock);
             (ten.cycle_slip, ten.half_cycle, twelve.cycle_slip)
         })
@@ -106,8 +95,8 @@ fn whole_numbers_may_be_written_as_floating_point() {
     let text = text.replace("\"year\":2020", "\"year\":2020.0").replace("\"hour\":14", "\"hour\":1.4E1");
     let (epochs, skips) = decode(&text);
     assert!(skips.is_empty(), "{skips}");
-    assert_eq!(epochs[0].0.time_gps, start());
-    assert!(epochs[0].0.observations[0].loss_of_lock.cycle_slip);
+    assert_eq!(epochs[0].time_gps, start());
+    assert!(epochs[0].observations[0].loss_of_lock.cycle_slip);
 }
 
 #[test]
@@ -124,21 +113,9 @@ fn a_bad_signal_costs_itself() {
         (r#"{"prn":12,"type":"L1C","p":5.0}"#, Reason::PseudorangeOutOfRange.text()),
     ] {
         let (epochs, skips) = decode(&line(0.0, &[GPS, bad]));
-        assert_eq!(epochs[0].0.observations.len(), 1, "{bad}");
+        assert_eq!(epochs[0].observations.len(), 1, "{bad}");
         assert_eq!(skips.count(reason), 1, "{bad}: {skips}");
     }
-}
-
-#[test]
-fn stated_sigmas_belong_to_their_epoch_when_epochs_are_left_out() {
-    let with = |vp: f64| GPS.replace("2.9979246", &format!("{vp:?}"));
-    // An hour ahead, then back: the third is left out.
-    let far = line(2.0, &[&with(3.0)]).replace("\"hour\":14", "\"hour\":15");
-    let text = [line(0.0, &[&with(1.0)]), line(1.0, &[&with(2.0)]), far, line(3.0, &[&with(4.0)])].concat();
-    let (epochs, skips) = decode(&text);
-    assert_eq!(skips.total(), 1, "{skips}");
-    let sigmas: Vec<_> = epochs.iter().map(|(_, stated)| stated[0].pseudorange_m).collect();
-    assert_eq!(sigmas, [Some(1.0), Some(2.0), Some(4.0)]);
 }
 
 #[test]

@@ -1,11 +1,11 @@
-//! Reasons for skipping data, or for using it with a remark.
+//! Why something is skipped, left out, or used with a remark.
 
 use std::fmt;
 
 macro_rules! reasons {
     ($($name:ident: $text:literal,)*) => {
-        /// Reason for not using data, or for using it with a remark. The text of a reason is its name in statuses, reports and `inspect`;
-        /// it stays the same in all versions.
+        /// Why something was not used, or used with a remark. The text of a reason is its name in statuses, reports and `inspect`; it
+        /// stays as it is from version to version.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Reason {
             $(#[doc = concat!("“", $text, "”")] $name,)*
@@ -15,7 +15,7 @@ macro_rules! reasons {
             /// Every reason, in alphabetical order of the texts.
             pub const ALL: &'static [Self] = &[$(Self::$name,)*];
 
-            /// Text of the reason in counts.
+            /// The text under which it is counted.
             pub const fn text(self) -> &'static str {
                 match self {
                     $(Self::$name => $text,)*

@@ -16,6 +16,8 @@
 #[cfg(feature = "agent")]
 mod casters;
 mod checks;
+#[path = "../../../common/tests/file_records/mod.rs"]
+mod file_records;
 mod files;
 mod messages;
 pub mod mutation;

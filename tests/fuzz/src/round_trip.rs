@@ -11,6 +11,7 @@ use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
 
 use crate::checks;
+use crate::file_records::into_records;
 
 /// Longer steps the reader believes only when they are confirmed, s.
 const MAX_STEP_S: f64 = 86_400.0;
@@ -97,7 +98,7 @@ fn read(text: &str) -> Vec<Record> {
         Ok(file) => {
             let odd: Vec<_> = file.skips.iter().collect();
             assert!(odd.is_empty(), "{odd:?} in\n{text}");
-            file.into_records()
+            into_records(file)
         }
         Err(error) => unreadable(&error.to_string(), text),
     }

@@ -50,8 +50,8 @@ impl DerivedFile {
     }
 }
 
-/// Decodes a table as a stream. As a [`Decoder`] it gives the raw observations; [`DerivedDecoder::next_epoch`] gives them with
-/// their corrections.
+/// Decodes a table as a stream. As a [`Decoder`] it gives the raw observations; [`DerivedDecoder::last_epoch`] gives the
+/// last ones with their corrections.
 #[derive(Clone, Debug, Default)]
 pub struct DerivedDecoder {
     lines: LineAssembly,
@@ -101,12 +101,6 @@ impl DerivedDecoder {
     #[must_use]
     pub fn with_shift(self, weeks: i64) -> Self {
         Self { shift_s: weeks as f64 * SECONDS_PER_WEEK, ..self }
-    }
-
-    /// The next epoch with its corrections, in time order; `None` until more bytes come.
-    pub fn next_epoch(&mut self) -> Option<RecordedEpoch> {
-        let epoch = self.ready.pop_front()?;
-        Some(RecordedEpoch { time_gps: epoch.time_gps + self.shift_s, ..epoch })
     }
 
     /// The epoch of the last record, with its corrections.
@@ -313,7 +307,9 @@ impl Decoder for DerivedDecoder {
     }
 
     fn next_record(&mut self) -> Option<Record> {
-        self.last = self.next_epoch();
+        let shifted =
+            |epoch: RecordedEpoch| RecordedEpoch { time_gps: epoch.time_gps + self.shift_s, ..epoch };
+        self.last = self.ready.pop_front().map(shifted);
         self.last.as_ref().map(|epoch| Record::Epoch(epoch.to_observations()))
     }
 

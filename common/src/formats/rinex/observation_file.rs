@@ -40,18 +40,4 @@ impl ObservationFile {
         let (header, skips) = decoder.into_parts();
         Ok(Self { header, epochs, events, skips })
     }
-
-    /// Epochs and events in the file's order.
-    pub fn into_records(self) -> Vec<Record> {
-        let mut events = self.events.into_iter().peekable();
-        let mut records = Vec::with_capacity(self.epochs.len() + events.len());
-        for (index, epoch) in self.epochs.into_iter().enumerate() {
-            while let Some((_, event)) = events.next_if(|(before, _)| *before <= index) {
-                records.push(Record::Event(Box::new(event)));
-            }
-            records.push(Record::Epoch(epoch));
-        }
-        records.extend(events.map(|(_, event)| Record::Event(Box::new(event))));
-        records
-    }
 }

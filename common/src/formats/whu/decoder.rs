@@ -1,8 +1,7 @@
 //! Spare logs as a stream.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 
-pub use super::epoch::StatedSigmas;
 use super::epoch::{self, Epoch};
 use crate::formats::decode::{Decoder, Record, WrongStream};
 use crate::formats::lines::{Line, LineAssembly};
@@ -11,7 +10,6 @@ use crate::formats::text::{is_blank, shorten};
 use crate::formats::time_order::TimeOrder;
 use crate::gnss::{EpochFlag, ObservationEpoch};
 use crate::skips::{Reason, Skips};
-use crate::time::GpsTime;
 
 /// How the line before each epoch begins.
 const STAMP: &[u8] = b"current_Start_Timestamp:";
@@ -33,7 +31,6 @@ pub struct SpareLogDecoder {
     lines: LineAssembly,
     log: Log,
     records: VecDeque<Record>,
-    last: Vec<StatedSigmas>,
 }
 
 /// The log so far.
@@ -44,17 +41,8 @@ struct Log {
     /// The first line that was none of a spare log, while the log is not recognised.
     first: Option<String>,
     order: TimeOrder,
-    /// Of the epochs that were not given out yet, one for each observation.
-    stated: BTreeMap<GpsTime, Vec<StatedSigmas>>,
     locks: LostLocks,
     skips: Skips,
-}
-
-impl SpareLogDecoder {
-    /// The phone's own standard deviations of the last record's observations, in their order; empty before the first record.
-    pub fn stated_sigmas(&self) -> &[StatedSigmas] {
-        &self.last
-    }
 }
 
 impl Log {
@@ -91,7 +79,7 @@ impl Log {
         if let Some((reason, before)) = self.order.refuses(time_gps) {
             return self.skips.add(reason, || format!("line {number}: {time_gps} after {before}"));
         }
-        for (observation, _) in &mut epoch.signals {
+        for observation in &mut epoch.observations {
             let signal = (observation.satellite, observation.signal);
             let (slip, has_phase) =
                 (&mut observation.loss_of_lock.cycle_slip, observation.carrier_phase_cycles.is_some());
@@ -100,12 +88,10 @@ impl Log {
         for signal in epoch.lost {
             self.locks.observe(signal, true, false);
         }
-        if epoch.signals.is_empty() {
+        if epoch.observations.is_empty() {
             return self.skips.add(Reason::EpochWithoutMeasurement, || format!("line {number}: {time_gps}"));
         }
-        let (observations, stated) = epoch.signals.into_iter().unzip();
-        self.stated.insert(time_gps, stated);
-        let epoch = ObservationEpoch { time_gps, flag: EpochFlag::Ok, observations };
+        let epoch = ObservationEpoch { time_gps, flag: EpochFlag::Ok, observations: epoch.observations };
         self.order.epoch((number, epoch), None, &mut self.skips, &mut |record| records.push_back(record));
     }
 
@@ -127,14 +113,14 @@ impl Log {
 
 impl Decoder for SpareLogDecoder {
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream> {
-        let Self { lines, log, records, .. } = self;
+        let Self { lines, log, records } = self;
         log.check_kind(false)?;
         lines.feed(bytes, |line| log.take(line, records))
     }
 
     /// A last line without a line end is complete when it closes its brackets.
     fn finish(&mut self) -> Result<(), WrongStream> {
-        let Self { lines, log, records, .. } = self;
+        let Self { lines, log, records } = self;
         lines.finish(|Line { number, text }| {
             let rest = text.unwrap_or_default();
             if serde_json::from_slice::<serde::de::IgnoredAny>(rest).is_ok() {
@@ -155,13 +141,7 @@ impl Decoder for SpareLogDecoder {
     }
 
     fn next_record(&mut self) -> Option<Record> {
-        let record = self.records.pop_front()?;
-        if let Record::Epoch(epoch) = &record {
-            // What was left out in between has no record.
-            self.log.stated = self.log.stated.split_off(&epoch.time_gps);
-            self.last = self.log.stated.remove(&epoch.time_gps).unwrap_or_default();
-        }
-        Some(record)
+        self.records.pop_front()
     }
 
     fn skips(&self) -> &Skips {

@@ -12,25 +12,11 @@ use crate::gnss::{
 use crate::skips::{Reason, Skips};
 use crate::time::{Calendar, GpsTime};
 
-/// Largest standard deviation that is kept, in the unit of its quantity.
-const MAX_SIGMA: f64 = 1e9;
-
-/// The phone's own standard deviations of one observation, where it states them.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StatedSigmas {
-    /// Of the pseudorange, m.
-    pub pseudorange_m: Option<f64>,
-    /// Of the carrier phase, cycles.
-    pub carrier_phase_cycles: Option<f64>,
-    /// Of the Doppler, Hz.
-    pub doppler_hz: Option<f64>,
-}
-
 /// An epoch's observations, in the order of the line.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Epoch {
     pub(super) time_gps: GpsTime,
-    pub(super) signals: Vec<(Observation, StatedSigmas)>,
+    pub(super) observations: Vec<Observation>,
     /// Signals whose phase was lost without a phase at this epoch.
     pub(super) lost: Vec<SignalKey>,
 }
@@ -99,7 +85,7 @@ pub(super) fn read(number: u64, line: &[u8], skips: &mut Skips) -> Option<Epoch>
         });
         return None;
     };
-    let mut epoch = Epoch { time_gps, signals: Vec::with_capacity(observed.d.len()), lost: Vec::new() };
+    let mut epoch = Epoch { time_gps, observations: Vec::with_capacity(observed.d.len()), lost: Vec::new() };
     for entry in &observed.d {
         let mut entry = Entry { fields: entry, number, name: String::new(), skips };
         if let Err(fault) = entry.read(&mut epoch) {
@@ -121,7 +107,7 @@ struct Entry<'a> {
 impl Entry<'_> {
     fn read(&mut self, epoch: &mut Epoch) -> Result<(), Fault> {
         let (satellite, signal) = self.names()?;
-        if epoch.signals.iter().any(|(o, _)| (o.satellite, o.signal) == (satellite, signal)) {
+        if epoch.observations.iter().any(|o| (o.satellite, o.signal) == (satellite, signal)) {
             return Err(Fault { reason: Reason::SignalRepeated, detail: self.name.clone() });
         }
         let pseudorange_m =
@@ -146,13 +132,7 @@ impl Entry<'_> {
         if values.iter().all(Option::is_none) {
             return Err(Fault { reason: Reason::SignalWithoutValue, detail: self.name.clone() });
         }
-        let sigma = |key: &str, of: Option<f64>| self.sigma(key).filter(|_| of.is_some());
-        let stated = StatedSigmas {
-            pseudorange_m: sigma("vp", pseudorange_m),
-            carrier_phase_cycles: sigma("vl", carrier_phase_cycles),
-            doppler_hz: sigma("vd", doppler_hz),
-        };
-        epoch.signals.push((observation, stated));
+        epoch.observations.push(observation);
         Ok(())
     }
 
@@ -205,10 +185,6 @@ impl Entry<'_> {
                 LossOfLock { cycle_slip: true, ..LossOfLock::default() }
             }
         }
-    }
-
-    fn sigma(&self, key: &str) -> Option<f64> {
-        self.fields.get(key)?.as_f64().filter(|sigma| *sigma > 0.0 && *sigma <= MAX_SIGMA)
     }
 }
 

@@ -13,11 +13,10 @@
 //! | `obsd_t.d[]` | one object for each signal of a satellite |
 //! | `prn`, `type` | index of the satellite ([`SatelliteId`](crate::gnss::SatelliteId) by ranges of RTKLIB's kind), observation code |
 //! | `p`, `l`, `d`, `snr` | pseudorange, m; carrier phase, cycles, growing with the range; Doppler, Hz, positive when approaching; C/N0, dB-Hz |
-//! | `vp`, `vl`, `vd` | the phone's own standard deviations of `p`, `l`, `d` in their units |
+//! | `vp`, `vl`, `vd` | the phone's own standard deviations of `p`, `l`, `d` in their units; not used |
 //! | `lli` | loss-of-lock bits of RINEX |
 //!
-//! The dataset calls `vp`, `vl` and `vd` variances. The values are standard deviations: `vp` is the speed of light times the
-//! whole nanoseconds of Android's `ReceivedSvTimeUncertaintyNanos`. A zero stands for a value that was not recorded.
+//! A zero stands for a value that was not recorded.
 
 mod decoder;
 mod epoch;
@@ -25,5 +24,5 @@ mod names;
 mod stated;
 mod truth;
 
-pub use decoder::{SpareLogDecoder, StatedSigmas, is_spare_log_line};
+pub use decoder::{SpareLogDecoder, is_spare_log_line};
 pub use truth::{is_truth_table, truth_table};
