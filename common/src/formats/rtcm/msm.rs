@@ -74,7 +74,8 @@ pub(super) struct Cell {
 }
 
 impl Cell {
-    fn without_values(rough: &Rough, signal: u8, constellation: Constellation) -> Self {
+    /// A cell whose values are not read yet.
+    fn empty(rough: &Rough, signal: u8, constellation: Constellation) -> Self {
         Self {
             satellite: rough.satellite,
             signal,
@@ -212,39 +213,37 @@ fn cells(
     // DF405 and DF406, or DF400 and DF401.
     let (code, phase): (FineField, FineField) =
         if extended { ((20, 29), (24, 31)) } else { ((15, 24), (22, 29)) };
-    let of_satellite = |(index, signal): &(usize, u8)| Some((*rough.get(*index)?, *signal));
-    let mut cells: Vec<(Rough, Cell)> = present
-        .iter()
-        .filter_map(of_satellite)
-        .map(|(rough, signal)| (rough, Cell::without_values(&rough, signal, constellation)))
-        .collect();
-    for (rough, cell) in &mut cells {
+    let owners: Vec<&Rough> = present.iter().filter_map(|(index, _)| rough.get(*index)).collect();
+    let signals = present.iter().map(|(_, signal)| *signal);
+    let mut cells: Vec<Cell> =
+        owners.iter().zip(signals).map(|(rough, signal)| Cell::empty(rough, signal, constellation)).collect();
+    for (cell, rough) in cells.iter_mut().zip(&owners) {
         cell.code = rough.plus(fine(bits, code.0)?, code.1);
     }
-    for (rough, cell) in &mut cells {
+    for (cell, rough) in cells.iter_mut().zip(&owners) {
         cell.phase = rough.plus(fine(bits, phase.0)?, phase.1);
     }
-    for (_, cell) in &mut cells {
+    for cell in &mut cells {
         cell.lock =
             if extended { LockTime::fine(bits.unsigned(10)?) } else { LockTime::coarse(bits.unsigned(4)?) };
     }
-    for (_, cell) in &mut cells {
+    for cell in &mut cells {
         cell.half_cycle = bits.flag()?;
     }
-    for (_, cell) in &mut cells {
+    for cell in &mut cells {
         // DF408 or DF403
         let cn0 = if extended { bits.scaled_unsigned(10, 0.0625)? } else { bits.scaled_unsigned(6, 1.0)? };
         cell.cn0_dbhz = Some(cn0).filter(|cn0| *cn0 > 0.0);
     }
     if level.has_rates() {
-        for (rough, cell) in &mut cells {
+        for (cell, rough) in cells.iter_mut().zip(&owners) {
             // DF404
             let fine = fine(bits, 15)?;
             cell.rate_mps =
                 rough.rate_mps.zip(fine).map(|(rough, fine)| f64::from(rough) + f64::from(fine) * 1e-4);
         }
     }
-    Ok(cells.into_iter().map(|(_, cell)| cell).collect())
+    Ok(cells)
 }
 
 /// A fine value of a width; the most negative number means that there is none.
