@@ -1,27 +1,27 @@
 //! Cooperative smartphone positioning: from the bytes of recordings to one position of a group, without any I/O.
 //!
-//! The way of the data, and a tour of the crate:
+//! The processing steps and their modules:
 //!
 //! | step | module |
 //! |:--|:--|
 //! | bytes → observations, ephemerides, products, truth | [`formats`] |
-//! | names of things: satellites, signals, instants, places | [`gnss`], [`time`], [`frames`] |
+//! | vocabulary: satellites, signals, instants, positions | [`gnss`], [`time`], [`frames`] |
 //! | satellite positions, clocks, group delays | [`orbit`] |
 //! | delays in ionosphere and troposphere | [`atmosphere`] |
 //! | observations → corrected observations with standard deviations | [`measurement`] |
 //! | position and velocity of one epoch | [`solve`] |
-//! | is the epoch to be trusted? | [`integrity`] |
-//! | one phone, all of the above and a local filter | [`pipeline`] |
+//! | reliability of the epoch (RAIM) | [`integrity`] |
+//! | one phone: all of the above and a local filter | [`pipeline`] |
 //! | messages between phones and hub | [`wire`] |
 //! | epochs of several phones → one common time → fused states | [`fusion`] |
 //! | the joint Kalman filter | [`filter`] |
-//! | what is known about phones: distances, vertical velocity, heading | [`constraint`] |
-//! | distributions, right in the far tails | [`statistics`] |
+//! | constraints on phones: distances, speeds, vertical velocity, heading | [`constraint`] |
+//! | distributions with precise far tails | [`statistics`] |
 //! | errors against truth | [`accuracy`] |
 //! | seeded scenarios with truth | [`simulation`] |
 //!
-//! Parsers take bytes and return records; what cannot be read is counted in [`skips`]. Estimation is plain structs. Everything inside is in SI
-//! units and radians; degrees appear only in files and on the command line. The crate knows no sockets, no asynchronous runtime, no Zenoh and no
+//! Parsers take bytes and return records; unreadable data is counted in [`skips`]. The estimators are plain structs. Internal units are SI
+//! units and radians; degrees appear only in files and on the command line. The crate uses no sockets, no asynchronous runtime, no Zenoh and no
 //! Rerun.
 //!
 //! # From files to a fused position
@@ -52,7 +52,7 @@
 //! let constraint = Constraint::Distance(Distance { phones: [0, 1], minimum_m: 0.0, maximum_m: 1.5 });
 //! let always = ScheduledConstraint { constraint, from_gps: None, to_gps: None };
 //! let mut engine = Engine::new(&names, vec![always], EngineOptions::default());
-//! // Both phones have an epoch at every second; `fusion::align` brings together those that do not.
+//! // Both phones have an epoch at every second; `fusion::align` aligns other epochs.
 //! for (a, b) in messages.remove(0).into_iter().zip(messages.remove(0)) {
 //!     let fused = engine.step(vec![a, b]);
 //!     if let Some(state) = &fused.phones[0].state {

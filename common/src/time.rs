@@ -1,7 +1,7 @@
 //! GPS time as one integer: nanoseconds since 1980-01-06 00:00:00 GPST.
 //!
 //! GPS time has no leap seconds. A nanosecond is 0.3 m for a signal but only 4 µm for a satellite's position,
-//! and signal travel times are never differences of these time tags, so the resolution is sufficient.
+//! and pseudoranges are not computed from these time tags, so the resolution is sufficient.
 
 mod leap_seconds;
 

@@ -99,7 +99,7 @@ pub struct Aligner {
     fused_to_gps: Option<GpsTime>,
     live: bool,
     clock: Clock,
-    /// Live: the last buckets given out, for the arrivals of the last `maximum_wait`.
+    /// Live: buckets given out whose first message arrived within the last `maximum_wait`.
     fused: VecDeque<FusedBucket>,
     /// Latest time of the buckets removed from `fused`.
     fused_before_gps: Option<GpsTime>,
@@ -235,8 +235,7 @@ impl Aligner {
         self.accept_or(phone, waiting, Reason::EpochTooLate);
     }
 
-    /// The same for the first message of a phone after a gap; one that is too late is counted as such only if its time is far from the
-    /// group's.
+    /// Queues a first or held message; if it is too late but near the group's time, it is counted as [`Reason::FirstEpochOfPhone`].
     fn accept_first(&mut self, phone: usize, first: ReceivedEpoch) {
         let is_near = self.live && self.is_near(first.message.time_gps);
         self.accept_or(phone, first, if is_near { Reason::FirstEpochOfPhone } else { Reason::EpochTooLate });

@@ -78,7 +78,7 @@ impl KeplerEphemeris {
 }
 
 impl GlonassEphemeris {
-    /// The same for GLONASS.
+    /// Refuses an implausible GLONASS ephemeris, like [`KeplerEphemeris::check`].
     pub(crate) fn check(&self) -> Result<(), Implausible> {
         within_all([
             ("distance from the Earth's centre (m)", self.position.0.norm(), GLONASS_RADIUS_BOUNDS_M),

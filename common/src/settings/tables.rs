@@ -1,4 +1,4 @@
-//! The tables with all their keys.
+//! All settings tables with their keys.
 
 use std::path::PathBuf;
 
@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 use super::table::{tables, words};
 use crate::measurement::Ionosphere;
 
-/// Settings that have a name.
+/// Settings with a name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
-    /// Ours, tuned on real drives.
+    /// Our values, tuned on real drives.
     #[default]
     Default,
     /// The values printed in Peng 2023, section 4.
@@ -32,17 +32,17 @@ pub enum VarianceForm {
     Product,
 }
 
-/// How several constraints are brought into one state; see [`crate::constraint::Method`].
+/// Method for several constraints; see [`crate::constraint::Method`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Combination {
-    /// All given all others, until nothing changes.
+    /// Each constraint given all others, until convergence.
     ExpectationPropagation,
     /// One by one in the given order.
     Sequential,
 }
 
-/// What a distance bounds; see [`crate::constraint::DistanceModel`].
+/// Model of a distance constraint; see [`crate::constraint::DistanceModel`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DistanceForm {
@@ -52,13 +52,13 @@ pub enum DistanceForm {
     Radial,
 }
 
-/// What becomes of an interval that the state contradicts; see [`crate::constraint::Enlargement`].
+/// Treatment of an interval that the state contradicts; see [`crate::constraint::Enlargement`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Widening {
-    /// It stays.
+    /// The interval is kept.
     Fixed,
-    /// It is widened as by Algorithm 1 of Peng 2023.
+    /// The interval is widened as by Algorithm 1 of Peng 2023.
     Peng,
 }
 

@@ -55,7 +55,7 @@ mod tracks;
 pub use convoy::{Convoy, ConvoyOptions, Traffic, VehicleState};
 pub use environment::ErrorModel;
 pub use mount::Mount;
-pub use observations::{Fault, PhoneEpochs, SimulatedEpoch, TruthState};
+pub use observations::{GrossError, PhoneEpochs, SimulatedEpoch, TruthState};
 pub use receiver::{ClockOptions, ClockState, InterSystemBiases};
 pub use road::{Road, RoadPoint};
 pub use scenario::{PhoneOptions, Scenario, ScenarioError};

@@ -51,7 +51,7 @@ pub struct TruthState {
 
 /// A satellite that was received by reflection only.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fault {
+pub struct GrossError {
     /// The satellite.
     pub satellite: SatelliteId,
     /// Error on all its pseudoranges, m.
@@ -68,7 +68,7 @@ pub struct SimulatedEpoch {
     /// The phone's clock.
     pub clock: ClockState,
     /// Satellites in `epoch` with a gross error.
-    pub faults: Vec<Fault>,
+    pub faults: Vec<GrossError>,
     /// Whether there were houses directly beside the phone.
     pub in_canyon: bool,
 }
@@ -221,7 +221,7 @@ impl Instant<'_> {
         satellite: &SimulatedSatellite,
         draws: &Draws,
         observations: &mut Vec<Observation>,
-        faults: &mut Vec<Fault>,
+        faults: &mut Vec<GrossError>,
     ) {
         let Some(reception) = self.reception(satellite, draws) else { return };
         let before = observations.len();
@@ -230,7 +230,7 @@ impl Instant<'_> {
         }
         let reflected_only = draws.outlier_m != 0.0 || reception.mixture.delayed == 1.0;
         if reflected_only && observations.len() > before {
-            faults.push(Fault { satellite: satellite.id(), error_m: reception.late_m });
+            faults.push(GrossError { satellite: satellite.id(), error_m: reception.late_m });
         }
     }
 

@@ -1,6 +1,6 @@
-//! Key expressions: who says what where.
+//! Key expressions of messages and queries.
 //!
-//! | key | what |
+//! | key | content |
 //! |---|---|
 //! | `cofix/<group>/phone/<phone>/epoch` | [`EpochMessage`](super::EpochMessage)s of an agent |
 //! | `cofix/<group>/phone/<phone>/status` | [`StatusMessage`](super::StatusMessage)s of an agent |

@@ -1,14 +1,14 @@
 //! Messages between agents, hub and listeners: vocabulary, key expressions, encoding, plausibility.
 //!
 //! A message on the wire is `CX`, the wire version (u16, little endian), one byte for its kind, and the
-//! body in postcard. Floats travel as their eight bytes, so that what arrives is bit for bit what was sent.
+//! body in postcard. Floats are sent as their eight bytes, so that they arrive bit for bit.
 //!
-//! Decoding trusts nothing: size, version, kind and length are checked and a decoded message may still
-//! carry absurd values, which [`EpochMessage::validate`], [`EpochMessage::sanitise`] and [`PaceMessage::validate`] look for.
+//! Decoding checks size, version, kind and length. A decoded message may still contain implausible
+//! values, for which there are [`EpochMessage::validate`], [`EpochMessage::sanitise`] and [`PaceMessage::validate`].
 //!
-//! Questions travel as Zenoh selectors, all answers as messages. Versions:
+//! Queries are Zenoh selectors, all answers are messages. Versions:
 //!
-//! - 2: the hub answers questions for receipts and pace with [`ReceiptMessage`] and [`PaceMessage`].
+//! - 2: the hub answers queries for receipts and pace with [`ReceiptMessage`] and [`PaceMessage`].
 //! - 1: the hub answered them with decimal text.
 //!
 //! ```

@@ -100,7 +100,7 @@ pub trait BoundedLength {
 pub struct ConstrainedState<'a> {
     /// Mean of the joint state.
     pub state: &'a DVector<f64>,
-    /// Its covariance.
+    /// Covariance of the joint state.
     pub covariance: &'a DMatrix<f64>,
     /// Options of the constraints.
     pub options: &'a ConstraintOptions,

@@ -136,7 +136,7 @@ impl Aligner {
         self.fused_to_gps.is_none_or(|fused_to_gps| (time - fused_to_gps).abs() <= far_s)
     }
 
-    /// Latest time up to which phones ahead of the group take part; `None` if no phone is ahead or no other phone is running.
+    /// Latest time up to which phones ahead of the group take part; `None` if no phone is ahead or no other phone has sent a time.
     pub(super) fn limit_for_phones_ahead(&self) -> Option<GpsTime> {
         let any_ahead = self.tracks.iter().any(|track| track.ahead);
         let others = self.tracks.iter().filter(|track| !track.ahead && track.presence != Presence::Finished);

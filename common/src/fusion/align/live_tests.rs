@@ -5,20 +5,20 @@ use proptest::prelude::*;
 use super::tests::{at, drain, message, seconds};
 use super::*;
 
-/// The latency of these groups, s.
+/// Latency of these groups, s.
 const WAIT_S: f64 = 5.0;
 
 const fn ms(milliseconds: u64) -> Duration {
     Duration::from_millis(milliseconds)
 }
 
-/// A live group, its messages numbered, its clocks told.
+/// A live group with numbered messages and simulated clocks.
 struct Live {
     aligner: Aligner,
     sent: u64,
     fused: Vec<Vec<Option<f64>>>,
     notices: Vec<Notice>,
-    /// The hub's own clock is ahead of the time since the start by this, s; `None`: it is not known.
+    /// Lead of the hub's own clock over the time since the start, s; `None`: unknown.
     wall_s: Option<f64>,
     now_s: f64,
     longest_wait: Duration,
@@ -31,12 +31,12 @@ impl Live {
         Self { aligner, sent: 0, fused, notices, wall_s: None, now_s: 0.0, longest_wait: Duration::ZERO }
     }
 
-    /// One whose hub's clock shows 0 at the start.
+    /// A group whose hub's clock shows 0 at the start.
     fn with_clock(phones: usize) -> Self {
         Self { wall_s: Some(0.0), ..Self::of(phones) }
     }
 
-    /// A message of `phone` for `seconds` at `now_s`, and what follows from it.
+    /// Sends a message of `phone` for `seconds` at `now_s`, and aligns.
     fn say(&mut self, phone: usize, seconds: f64, now_s: f64) {
         self.fuse(now_s);
         self.say_only(phone, message(phone, self.sent, seconds));
@@ -48,7 +48,7 @@ impl Live {
         self.sent += 1;
     }
 
-    /// Looks at the clock ten times a second until `now_s`.
+    /// Calls [`Self::look`] ten times a second until `now_s`.
     fn fuse(&mut self, now_s: f64) {
         while self.now_s + 0.1 < now_s {
             self.look(self.now_s + 0.1);
@@ -80,7 +80,7 @@ impl Live {
         self.fused.iter().filter(|bucket| bucket[phone].is_some()).count()
     }
 
-    /// Of which phones, and of what, people were told.
+    /// Phones and kinds of all notices.
     fn told(&self) -> Vec<(usize, NoticeKind)> {
         self.notices.iter().map(|notice| (notice.phone, notice.kind)).collect()
     }
@@ -201,7 +201,7 @@ fn a_slow_link_delays_the_others_up_to_the_latency_and_is_named() {
                 live.say(0, now_s, now_s);
                 live.say(1, now_s, now_s);
             }
-            // Two of three of its epochs pass.
+            // Two of three epochs arrive.
             if tenth.is_multiple_of(15) {
                 live.say(2, sent, now_s);
                 sent += 1.0;
@@ -242,7 +242,7 @@ fn a_delayed_link_is_fused_within_the_latency_and_left_behind_beyond_it() {
     }
 }
 
-/// Two phones, one of whose clocks is off by `off_s`; `late_s` after the other.
+/// Two phones, the second with a clock error of `off_s` and a start `late_s` after the first.
 fn wrong_clock(off_s: f64, late_s: f64, with_clock: bool) -> Live {
     let mut live = Live::of(2);
     live.wall_s = with_clock.then_some(0.0);
@@ -309,7 +309,7 @@ fn a_phone_far_ahead_waits_and_does_not_stop_the_others() {
     }
     assert_eq!((live.fused_of(0), live.fused_of(1), live.fused_of(2), live.late()), (60, 60, 0, 0));
     assert_eq!(live.told(), [(2, NoticeKind::Ahead)]);
-    // The others are silent for half a minute: nobody else is there.
+    // The others are silent for half a minute, so phone 2 is alone.
     live.fuse(90.0);
     assert_eq!(live.fused_of(2), 60);
     for second in 90..120_u32 {
@@ -393,7 +393,7 @@ fn an_agent_that_comes_and_goes_without_a_word_keeps_nobody_waiting() {
         let second = epoch as f64;
         live.aligner.leave(1);
         live.say(0, second, second);
-        // The first is believed with the second.
+        // The first epoch is confirmed by the second.
         assert_eq!(live.fused.len(), if epoch > 0 { epoch + 1 } else { 0 });
     }
     assert_eq!(live.longest_wait, Duration::ZERO);
@@ -417,7 +417,7 @@ fn the_others_of_a_finished_recording_are_waited_for_as_long_as_they_go_on() {
 #[test]
 fn history_that_comes_slowly_is_left_out_rather_than_waited_for() {
     let mut live = Live::with_clock(2);
-    // Both come to a new hub with an hour of history: one has it at once, the other at twenty times the speed of time.
+    // Both connect to a new hub with an hour of history: one delivers it at once, the other at twenty times the speed of time.
     let hour = 3_600_u32;
     for second in 0..hour {
         live.say(0, f64::from(second) - 3_600.0, 0.5);
@@ -436,7 +436,7 @@ fn history_that_comes_slowly_is_left_out_rather_than_waited_for() {
     assert_eq!(live.told(), [(1, NoticeKind::Behind)]);
 }
 
-/// What a phone does at one step of a tenth of a second.
+/// Action of a phone in one step of a tenth of a second.
 #[derive(Clone, Debug)]
 enum Deed {
     Say { off_s: f64 },
@@ -517,7 +517,7 @@ proptest! {
         let end_s = live.now_s;
         live.fuse(end_s + WAIT_S + 0.1);
         let missing = said - live.fused_of(0);
-        // One is not believed before the next one.
+        // An epoch is not confirmed before the next one.
         prop_assert!(missing <= 1 + said / 10, "{missing} of {said} are not fused: {:?}", live.notices);
     }
 }

@@ -127,7 +127,7 @@ fn a_long_pause_is_believed_when_it_goes_on() {
     assert_eq!(buckets(&[&[7.0]]), [[Some(7.0)]], "a single epoch is believed");
 }
 
-/// Every two hours, two of them, and with one absurd time among them: nothing else is lost.
+/// Epochs every two hours, two such epochs, and a series with one wrong date: nothing else is lost.
 #[test]
 fn long_regular_steps_are_believed() {
     let hours = |hours: &[f64]| hours.iter().map(|hour| 3_600.0 * hour).collect::<Vec<_>>();
@@ -159,7 +159,7 @@ fn duplicates_and_disorder_are_counted_and_named() {
     assert_eq!(aligner.waiting(), 3, "an index beyond the group is ignored");
 }
 
-/// Increasing times of one phone: a rate, a phase, jitter and gaps.
+/// Increasing times of one phone with a rate, a phase, jitter and gaps.
 fn series() -> impl Strategy<Value = Vec<f64>> {
     let rate = prop::sample::select(vec![1.0, 0.2, 0.1, 2.0]);
     (rate, 0.0..1.0_f64, 0.0..5.0_f64, prop::collection::vec((-0.001..0.001_f64, 0.0..1.0_f64), 0..25))
@@ -169,7 +169,7 @@ fn series() -> impl Strategy<Value = Vec<f64>> {
         })
 }
 
-/// Feeds the phones' series as `order` says and pops as early as possible.
+/// Feeds the phones' series in the given order and pops as early as possible.
 fn interleaved(all: &[Vec<f64>], order: &[usize]) -> Vec<Bucket> {
     let mut aligner = Aligner::new(all.len(), AlignOptions::default());
     let mut sent = vec![0; all.len()];

@@ -12,7 +12,7 @@ use super::*;
 
 const NAMES: [&str; 2] = ["SIM1", "SIM2"];
 
-/// Two phones from the start to the end, on an open road.
+/// Two phones from start to end, on an open road.
 fn convoy(duration_s: f64) -> (Simulation, Vec<Vec<EpochMessage>>) {
     let phone = |vehicle| PhoneOptions {
         starts_after_s: 0.0,
@@ -22,7 +22,7 @@ fn convoy(duration_s: f64) -> (Simulation, Vec<Vec<EpochMessage>>) {
     simulated(Scenario { duration_s, phones: vec![phone(0), phone(1)], ..Scenario::default() })
 }
 
-/// A scenario of two phones, and their agents' messages.
+/// A scenario of two phones, with their agents' messages.
 fn simulated(scenario: Scenario) -> (Simulation, Vec<Vec<EpochMessage>>) {
     let simulation = Simulation::new(scenario).unwrap();
     let products = Arc::new(simulation.products());
@@ -92,7 +92,7 @@ fn without_feedback_the_filter_never_sees_a_constraint() {
     }
 }
 
-/// Two phones that stand, known to move by less than 5 cm/s: their speed stays below it, and they are better known.
+/// Two phones at rest with a speed limit of 5 cm/s: their speed stays below it, and their positions improve.
 #[test]
 fn a_bound_on_the_speed_holds_and_helps_phones_that_stand() {
     let scenario = Scenario { duration_s: 240.0, ..Scenario::stationary(2) };
