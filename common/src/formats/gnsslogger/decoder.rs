@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use super::columns::{FIX_COLUMNS, Layout, RAW_COLUMNS, STATUS_COLUMNS};
+use super::columns::{FIX, FIX_COLUMNS, RAW, RAW_COLUMNS, STATUS, STATUS_COLUMNS};
 use super::device::Device;
 use super::epochs::Epochs;
 use super::fields::Fields;
@@ -108,9 +108,9 @@ impl GnssLoggerDecoder {
             device: None,
             own_fix: None,
             state: Recognition::Open { first: None },
-            raw: Columns::new(Layout::raw_standard(), false),
-            fix: Columns::new(Layout::fix_standard(), false),
-            status: Columns::new(Layout::status_standard(), false),
+            raw: Columns::new(RAW.standard(), false),
+            fix: Columns::new(FIX.standard(), false),
+            status: Columns::new(STATUS.standard(), false),
             epochs: Epochs::default(),
             nav: NavLines::default(),
             fixes: Vec::new(),
@@ -225,9 +225,9 @@ impl GnssLoggerDecoder {
             self.device = Device::of(&text);
         }
         let taken = match text.split(',').next().filter(|kind| kind.len() < text.len()) {
-            Some("Raw") => Layout::raw(&text).map(|layout| self.raw = Columns::new(layout, true)),
-            Some("Fix") => Layout::fix(&text).map(|layout| self.fix = Columns::new(layout, true)),
-            Some("Status") => Layout::status(&text).map(|layout| self.status = Columns::new(layout, true)),
+            Some("Raw") => RAW.of_header(&text).map(|layout| self.raw = Columns::new(layout, true)),
+            Some("Fix") => FIX.of_header(&text).map(|layout| self.fix = Columns::new(layout, true)),
+            Some("Status") => STATUS.of_header(&text).map(|layout| self.status = Columns::new(layout, true)),
             Some("Nav") => Ok(()),
             _ => return,
         };
