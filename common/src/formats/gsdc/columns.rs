@@ -93,6 +93,13 @@ pub(super) fn fields(line: &[u8]) -> Vec<&str> {
         .collect()
 }
 
+/// Whether a line names the column of times, which a table of either generation has.
+pub(crate) fn is_table_header(line: &[u8]) -> bool {
+    let [times, ..] = Required::NAMES;
+    line.split(|byte| *byte == b',')
+        .any(|field| times.iter().any(|name| name.as_bytes() == field.trim_ascii()))
+}
+
 impl Columns {
     /// From the header's fields.
     ///
