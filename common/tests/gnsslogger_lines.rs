@@ -10,6 +10,7 @@ use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::gnsslogger::{
     FixProvider, GnssLoggerDecoder, Masks, ModularTime, Options, StateRule, StateRules, state,
 };
+use cofix_common::formats::stream::ObservationStream;
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use log_lines::{
@@ -441,10 +442,10 @@ fn every_version_of_the_app_is_read_alike() {
             "\r\nAgc,1,2,3,,,4,0.0,5,,,6,19.7,1176450000,1\r\nStatus,,18,0,1,1,,12.8,90,45,1,1,1,\r\nRaw,",
             1,
         );
-        let decoded = decode(&other);
+        let mut decoded = decode(&other);
         assert_eq!(decoded.epochs, good, "{}", version.0);
         assert_eq!(decoded.skips.total(), 1, "{}: {}", version.0, decoded.skips);
-        assert_eq!(decoded.decoder.statuses().len(), 1, "{}", version.0);
+        assert_eq!(decoded.decoder.take_statuses().len(), 1, "{}", version.0);
     }
 }
 
@@ -467,7 +468,7 @@ fn fixes_of_both_formats() {
                 Fix,NLP,,,,,,,,\n";
     let mut decoded = decode(text);
     let fixes = decoded.decoder.take_fixes();
-    assert!(decoded.decoder.fixes().is_empty());
+    assert!(decoded.decoder.take_fixes().is_empty());
     assert_eq!(fixes.len(), 2);
     assert_eq!((fixes[0].provider, fixes[1].provider), (FixProvider::Gnss, FixProvider::Fused));
     assert_eq!(fixes[0].time_gps.to_string(), "2016-06-30T21:26:26.000 GPS");
@@ -543,7 +544,7 @@ fn outcome(portions: &[&[u8]]) -> (Vec<Record>, Skips, bool, usize) {
     }
     wrong |= decoder.finish().is_err();
     records.extend(std::iter::from_fn(|| decoder.next_record()));
-    (records, decoder.skips().clone(), wrong, decoder.fixes().len())
+    (records, decoder.skips().clone(), wrong, decoder.take_fixes().len())
 }
 
 fn sample() -> Vec<u8> {

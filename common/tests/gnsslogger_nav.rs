@@ -13,6 +13,7 @@ use cofix_common::formats::gnsslogger::GnssLoggerDecoder;
 use cofix_common::formats::navbits::{
     BeidouAssembler, GlonassAssembler, GlonassClock, GlonassLabel, GlonassName, ReceiverCheck,
 };
+use cofix_common::formats::stream::ObservationStream;
 use cofix_common::orbit::{GlonassEphemeris, KeplerEphemeris, NavigationMessage};
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;

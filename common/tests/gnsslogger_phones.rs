@@ -5,6 +5,7 @@
 mod log_lines;
 
 use cofix_common::formats::gnsslogger::{Options, state};
+use cofix_common::formats::stream::ObservationStream;
 use cofix_common::skips::Reason;
 use log_lines::{
     DAY_NS, HEADER, Line, TRAVEL_NS, WEEK_NS, decode, decode_with, gps, log, metres, only, refusal,
@@ -285,7 +286,7 @@ fn satellite_states_of_lines_go_with_their_epoch() {
     let mut found = Vec::new();
     while let Some(record) = decoder.next_record() {
         let Record::Epoch(epoch) = record else { panic!("{record:?}") };
-        let recorded = decoder.last_recorded();
+        let recorded = decoder.recorded_epoch();
         assert!(recorded.is_none_or(|recorded| recorded.to_observations() == epoch));
         found.push(recorded.map(|recorded| {
             recorded.observations.iter().map(|o| o.given.map(|given| given.clock_m)).collect::<Vec<_>>()
@@ -337,7 +338,7 @@ fn satellites_known_by_channel_are_kept_beside() {
     decoder.feed(text.as_bytes()).unwrap();
     decoder.finish().unwrap();
     assert!(decoder.next_record().is_some());
-    let recorded = decoder.last_recorded().unwrap();
+    let recorded = decoder.recorded_epoch().unwrap();
     assert_eq!(recorded.observations.len(), 1);
     let channels: Vec<i8> = recorded.by_channel.iter().map(|known| known.channel).collect();
     assert_eq!(channels, [-7, 1], "{}", decoder.skips());

@@ -13,6 +13,7 @@ use cofix_common::constants::SPEED_OF_LIGHT_MPS;
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::gnsslogger::{GnssLoggerDecoder, Masks, Options};
 use cofix_common::formats::rinex::ObservationFile;
+use cofix_common::formats::stream::ObservationStream;
 use cofix_common::gnss::{Observation, ObservationEpoch};
 use cofix_common::skips::{Reason, Skips};
 
@@ -293,7 +294,7 @@ fn default_masks_are_counted() {
     assert_eq!(count(Reason::MaskPseudorangeRateUncertainty.text()), 1);
     assert_eq!(count(Reason::SensorLines.text()), 120);
     assert_eq!(decoder.skips().total(), 33 + 40 + 1 + 1 + 120, "{}", decoder.skips());
-    assert_eq!(decoder.fixes().len(), 243);
+    assert_eq!(decoder.take_fixes().len(), 243);
     let channels: Vec<_> = decoder.glonass_channels().iter().map(|(slot, k)| (*slot, *k)).collect();
     assert_eq!(channels, [(1, 1), (2, -4), (3, 5), (12, -1), (13, -2), (21, 4)], "the RINEX header's");
 }

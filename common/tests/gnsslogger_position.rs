@@ -12,6 +12,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use beside::required;
+use cofix_common::formats::stream::ObservationStream;
 use cofix_common::frames::{Ecef, Geodetic, LocalFrame};
 use cofix_common::gnss::{Constellation, ObservationEpoch};
 use cofix_common::measurement::{CorrectionOptions, Corrector, without_position};

@@ -43,7 +43,7 @@ fn named(counts: &[(&str, usize)]) -> Vec<(String, usize)> {
 #[test]
 #[ignore = "needs the reference data"]
 fn june() {
-    let (epochs, decoder) = read(JUNE, Options::default());
+    let (epochs, mut decoder) = read(JUNE, Options::default());
     assert_eq!(epochs.len(), 223);
     // 1379 lines, of which three of G03 are too uncertain.
     assert_eq!(
@@ -65,8 +65,9 @@ fn june() {
     // The chip has no carrier phase; every line has a Doppler.
     assert!(epochs.iter().flat_map(|e| &e.observations).all(|o| o.carrier_phase_cycles.is_none()));
     assert!(epochs.iter().flat_map(|e| &e.observations).all(|o| o.doppler_hz.is_some()));
-    let fix = decoder.fixes()[0];
-    assert_eq!((decoder.fixes().len(), fix.provider), (216, FixProvider::Gnss));
+    let fixes = decoder.take_fixes();
+    let fix = fixes[0];
+    assert_eq!((fixes.len(), fix.provider), (216, FixProvider::Gnss));
     assert_eq!(fix.time_gps.to_string(), "2016-06-30T21:26:26.000 GPS", "17 leap seconds");
     assert!((fix.latitude_rad.to_degrees() - 37.422541).abs() < 1e-9);
     assert_eq!((fix.height_m, fix.accuracy_m), (Some(-33.0), Some(3.0)));

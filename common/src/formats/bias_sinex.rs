@@ -3,7 +3,7 @@
 
 use crate::formats::decimal::{integer, real};
 use crate::formats::packing::{DecompressError, decompress};
-use crate::formats::text::{columns, lines_of_content, shorten, text};
+use crate::formats::text::{columns, lines_of_content, shorten, text, words};
 use crate::formats::time_system::TimeSystem;
 use crate::gnss::{SatelliteId, SignalCode};
 use crate::orbit::{BiasFile, CodeBias};
@@ -113,7 +113,7 @@ impl Reader {
     }
 
     fn time_system(&mut self, line: &[u8]) -> Result<(), BiasFileError> {
-        let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        let mut words = words(line);
         if words.next() == Some(b"TIME_SYSTEM") {
             let name = words.next().unwrap_or_default();
             self.time_system = match name {

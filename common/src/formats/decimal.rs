@@ -1,4 +1,6 @@
-//! Numbers in fixed columns, exact to the printed digits.
+//! Numbers in fixed columns, exact to the printed digits, and dates of such numbers.
+
+use crate::time::Calendar;
 
 /// Content of an F14.3 field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,6 +66,25 @@ pub(crate) fn real(field: &[u8]) -> Option<f64> {
 /// Reads an integer with surrounding blanks. `None` when blank or not an integer.
 pub(crate) fn integer(field: &[u8]) -> Option<i64> {
     std::str::from_utf8(field.trim_ascii()).ok()?.parse().ok()
+}
+
+/// Reads a date and time: the fields of month, day, hour, minute and second; the year is read already, for files write it in several ways.
+pub(crate) fn calendar(year: Option<i32>, fields: [&[u8]; 5]) -> Option<Calendar> {
+    let [month, day, hour, minute, second] = fields;
+    let small = |field: &[u8]| integer(field).and_then(|value| u32::try_from(value).ok());
+    Some(Calendar {
+        year: year?,
+        month: small(month)?,
+        day: small(day)?,
+        hour: small(hour)?,
+        minute: small(minute)?,
+        second: real(second)?,
+    })
+}
+
+/// Reads a year of four digits.
+pub(crate) fn year(field: &[u8]) -> Option<i32> {
+    integer(field).and_then(|year| i32::try_from(year).ok())
 }
 
 #[cfg(test)]

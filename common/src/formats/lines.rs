@@ -1,5 +1,6 @@
 //! Bytes in any portions to lines.
 
+use crate::formats::text::split_line;
 use crate::skips::{Reason, Skips};
 
 /// Longest line that is read of logs and tables, bytes. `Raw` lines of GnssLogger have about 400, its headers about 1000.
@@ -49,14 +50,8 @@ impl<const MAX_BYTES: usize> LineAssembly<MAX_BYTES> {
         mut bytes: &[u8],
         mut take: impl FnMut(Line<'_, MAX_BYTES>) -> Result<(), E>,
     ) -> Result<(), E> {
-        loop {
-            let before = bytes;
-            // Searching a slice in memory cannot fail; `skip_until` is the standard library's fast byte search.
-            let taken = std::io::BufRead::skip_until(&mut bytes, b'\n').unwrap_or(0);
-            let Some(line) = before.get(..taken).and_then(|line| line.strip_suffix(b"\n")) else {
-                self.append(before);
-                return Ok(());
-            };
+        while let Some((line, rest)) = split_line(bytes) {
+            bytes = rest;
             if self.partial.is_empty() && !self.overlong && line.len() <= MAX_BYTES {
                 self.number += 1;
                 take(Line { number: self.number, text: Some(line) })?;
@@ -65,6 +60,8 @@ impl<const MAX_BYTES: usize> LineAssembly<MAX_BYTES> {
                 self.complete(&mut take)?;
             }
         }
+        self.append(bytes);
+        Ok(())
     }
 
     /// Hands the last line to `take` if it has no line feed.

@@ -3,14 +3,14 @@
 //! Only satellite clocks (`AS`) are taken. Version 3.04 shifts every column by five; records are therefore read by their words, which
 //! no version lets touch. The header's LEAP SECONDS are not used: some centres give TAI − UTC there and others GPS − UTC.
 
-use crate::formats::decimal::{integer, real};
+use crate::formats::decimal::{calendar, integer, real, year};
 use crate::formats::packing::{DecompressError, decompress};
-use crate::formats::text::{columns, lines_of_content, shorten, text};
+use crate::formats::text::{columns, lines_of_content, shorten, text, words};
 use crate::formats::time_system::TimeSystem;
 use crate::gnss::SatelliteId;
 use crate::orbit::{ClockFile, ClockRecord};
 use crate::skips::{Reason, Skips};
-use crate::time::{Calendar, GpsTime};
+use crate::time::GpsTime;
 
 /// Clock offsets beyond this are not believed, s.
 const MAX_OFFSET_S: f64 = 0.1;
@@ -78,10 +78,10 @@ fn header<'a>(
 ) -> Result<(u64, TimeSystem), ClockFileError> {
     let mut time_system = TimeSystem::Gps;
     let (mut last, first) = lines.next().unwrap_or_default();
-    let mut words = words(first);
-    let version = words.next().and_then(real).unwrap_or(0.0);
+    let mut first_words = words(first);
+    let version = first_words.next().and_then(real).unwrap_or(0.0);
     let is_known = version == 2.0 || (3.0..=3.04).contains(&version);
-    let is_clock = words.next().is_some_and(|word| word.starts_with(b"C"));
+    let is_clock = first_words.next().is_some_and(|word| word.starts_with(b"C"));
     if !is_known || !is_clock || !is_labelled(first, b"RINEX VERSION / TYPE") {
         return Err(ClockFileError::NotClock { found: shorten(first) });
     }
@@ -91,7 +91,7 @@ fn header<'a>(
             return Ok((last, time_system));
         }
         if is_labelled(line, b"TIME SYSTEM ID")
-            && let Some(name) = self::words(columns(line, 0, 60)).next()
+            && let Some(name) = words(columns(line, 0, 60)).next()
         {
             time_system =
                 TimeSystem::of(name).ok_or_else(|| ClockFileError::TimeSystem { found: text(name) })?;
@@ -103,10 +103,6 @@ fn header<'a>(
 /// Labels begin in column 61, since version 3.04 in column 66.
 fn is_labelled(line: &[u8], label: &[u8]) -> bool {
     line.len() > 60 && line.trim_ascii_end().ends_with(label)
-}
-
-fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
-    line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
 #[derive(Default)]
@@ -189,14 +185,12 @@ impl Reader {
 fn satellite_clock(line: &[u8], time_system: TimeSystem) -> Option<ClockRecord> {
     let mut words = words(line).skip(1);
     let satellite = SatelliteId::from_bytes(words.next()?.try_into().ok()?)?;
-    let year = i32::try_from(integer(words.next()?)?).ok()?;
-    let mut small = || integer(words.next()?).and_then(|v| u32::try_from(v).ok());
-    let (month, day, hour, minute) = (small()?, small()?, small()?, small()?);
-    let second = real(words.next()?)?;
-    let values = integer(words.next()?)?;
-    let own = GpsTime::from_calendar(Calendar { year, month, day, hour, minute, second })?;
+    let mut next = || words.next();
+    let (year, fields) = (year(next()?), [next()?, next()?, next()?, next()?, next()?]);
+    let values = integer(next()?)?;
+    let own = GpsTime::from_calendar(calendar(year, fields)?)?;
     let time = time_system.to_gps(own);
-    let clock_s = real(words.next()?)?;
+    let clock_s = real(next()?)?;
     (1..=6).contains(&values).then_some(ClockRecord { satellite, time, clock_s })
 }
 

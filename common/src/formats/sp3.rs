@@ -1,7 +1,7 @@
 //! SP3-a to SP3-d files of precise orbits and clocks (Remondi 1989; Spofford and Remondi; Hilla: The Extended Standard Product 3
 //! Orbit Format).
 
-use crate::formats::decimal::{integer, real};
+use crate::formats::decimal::{calendar, real, year};
 use crate::formats::packing::{DecompressError, decompress};
 use crate::formats::text::{columns, is_blank, lines_of_content, shorten, text};
 use crate::formats::time_system::TimeSystem;
@@ -9,7 +9,7 @@ use crate::frames::Ecef;
 use crate::gnss::SatelliteId;
 use crate::orbit::{Sp3, Sp3Position};
 use crate::skips::{Reason, Skips};
-use crate::time::{Calendar, GpsTime};
+use crate::time::GpsTime;
 
 /// Clock value (µs) from which on it means "missing" (999999.999999).
 const MISSING_CLOCK_US: f64 = 999_999.0;
@@ -228,13 +228,7 @@ fn satellite([letter, tens, ones]: [u8; 3]) -> Option<SatelliteId> {
 }
 
 fn epoch_time(line: &[u8]) -> Option<GpsTime> {
-    let small = |from: usize| integer(columns(line, from, from + 2)).and_then(|v| u32::try_from(v).ok());
-    GpsTime::from_calendar(Calendar {
-        year: i32::try_from(integer(columns(line, 3, 7))?).ok()?,
-        month: small(8)?,
-        day: small(11)?,
-        hour: small(14)?,
-        minute: small(17)?,
-        second: real(columns(line, 20, 31))?,
-    })
+    let [month, day, hour, minute] = [8, 11, 14, 17].map(|from| columns(line, from, from + 2));
+    let fields = [month, day, hour, minute, columns(line, 20, 31)];
+    GpsTime::from_calendar(calendar(year(columns(line, 3, 7)), fields)?)
 }

@@ -20,10 +20,8 @@ pub fn is_blank(line: &[u8]) -> bool {
 pub fn content(mut text: &[u8]) -> &[u8] {
     loop {
         text = without_mark(text);
-        match text.iter().position(|byte| *byte == b'\n') {
-            Some(end) if text.get(..end).is_some_and(is_blank) => {
-                text = text.get(end + 1..).unwrap_or_default();
-            }
+        match split_line(text) {
+            Some((line, rest)) if is_blank(line) => text = rest,
             _ => return text,
         }
     }
@@ -35,16 +33,24 @@ pub(crate) fn shorten(line: &[u8]) -> String {
     String::from_utf8_lossy(start).chars().map(|c| if c.is_control() { '?' } else { c }).collect()
 }
 
+/// The bytes up to the next line feed, and those after it.
+pub(crate) fn split_line(text: &[u8]) -> Option<(&[u8], &[u8])> {
+    let end = memchr::memchr(b'\n', text)?;
+    Some((text.get(..end)?, text.get(end + 1..)?))
+}
+
 /// The lines of a file with their numbers from 1, without line ends.
 pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = (u64, &[u8])> {
     let mut rest = bytes;
     let mut number = 0;
     std::iter::from_fn(move || {
-        let before = rest;
-        // Searching a slice in memory cannot fail; `skip_until` is the standard library's fast byte search.
-        let taken = std::io::BufRead::skip_until(&mut rest, b'\n').unwrap_or(0);
         number += 1;
-        (taken > 0).then(|| (number, trim_end(before.get(..taken).unwrap_or_default())))
+        if let Some((line, after)) = split_line(rest) {
+            rest = after;
+            return Some((number, trim_end(line)));
+        }
+        let last = std::mem::take(&mut rest);
+        (!last.is_empty()).then(|| (number, trim_end(last)))
     })
 }
 
@@ -65,6 +71,11 @@ pub(crate) fn trim_end(line: &[u8]) -> &[u8] {
 /// Columns `from..to` of a line, as much of them as there is.
 pub(crate) fn columns(line: &[u8], from: usize, to: usize) -> &[u8] {
     line.get(from..to.min(line.len())).unwrap_or_default()
+}
+
+/// What blanks separate.
+pub(crate) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
 /// Text of a field: trimmed, damaged UTF-8 replaced.

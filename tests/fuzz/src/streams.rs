@@ -72,11 +72,12 @@ fn said_by_the_phone(bytes: &[u8]) {
     let (mut whole, mut cut) = (GnssLoggerDecoder::default(), GnssLoggerDecoder::default());
     let outcome = feed(&mut whole, [bytes]);
     feed(&mut cut, random_portions(bytes));
+    let (fixes, statuses) = (whole.take_fixes(), whole.take_statuses());
     // As in `feed_both_ways`: of another kind of stream, what follows the end may be read.
-    assert!(outcome.end.is_err() || cut.fixes() == whole.fixes(), "in portions and at once");
-    assert!(outcome.end.is_err() || cut.statuses() == whole.statuses(), "in portions and at once");
-    whole.fixes().iter().for_each(checks::fix);
-    whole.statuses().iter().for_each(checks::status);
+    assert!(outcome.end.is_err() || cut.take_fixes() == fixes, "in portions and at once");
+    assert!(outcome.end.is_err() || cut.take_statuses() == statuses, "in portions and at once");
+    fixes.iter().for_each(checks::fix);
+    statuses.iter().for_each(checks::status);
 }
 
 /// RTCM 3, with its frames.

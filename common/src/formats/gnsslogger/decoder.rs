@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use super::columns::{FIX_COLUMNS, Layout, RAW_COLUMNS, STATUS_COLUMNS};
+use super::columns::{FIX, FIX_COLUMNS, RAW, RAW_COLUMNS, STATUS, STATUS_COLUMNS};
 use super::device::Device;
 use super::epochs::Epochs;
 use super::fields::Fields;
@@ -17,11 +17,14 @@ use super::table::Columns;
 use crate::atmosphere::KlobucharCoefficients;
 use crate::formats::decode::{Decoder, Record, WrongStream};
 use crate::formats::lines::{Line, LineAssembly};
+use crate::formats::phone::PhoneTally;
+use crate::formats::rinex::Equipment;
+use crate::formats::stream::ObservationStream;
 use crate::formats::text::{shorten, without_mark};
+use crate::frames::Ecef;
 use crate::measurement::RecordedEpoch;
 use crate::orbit::IonosphereTerms;
 use crate::skips::{Reason, Skips};
-use crate::time::GpsTime;
 
 /// Kinds of lines that the app writes and that have no use here.
 const UNUSED_KINDS: [&[u8]; 19] = [
@@ -108,9 +111,9 @@ impl GnssLoggerDecoder {
             device: None,
             own_fix: None,
             state: Recognition::Open { first: None },
-            raw: Columns::new(Layout::raw_standard(), false),
-            fix: Columns::new(Layout::fix_standard(), false),
-            status: Columns::new(Layout::status_standard(), false),
+            raw: Columns::new(RAW.standard(), false),
+            fix: Columns::new(FIX.standard(), false),
+            status: Columns::new(STATUS.standard(), false),
             epochs: Epochs::default(),
             nav: NavLines::default(),
             fixes: Vec::new(),
@@ -123,62 +126,14 @@ impl GnssLoggerDecoder {
         }
     }
 
-    /// The phone's own positions so far, in the order of the lines.
-    pub fn fixes(&self) -> &[Fix] {
-        &self.fixes
-    }
-
-    /// Takes the positions out, so that a long recording need not keep them.
+    /// Takes the phone's own positions since the last call out, in the order of the lines.
     pub fn take_fixes(&mut self) -> Vec<Fix> {
         std::mem::take(&mut self.fixes)
     }
 
-    /// Phone and app, by the log's header.
-    pub const fn device(&self) -> Option<&Device> {
-        self.device.as_ref()
-    }
-
-    /// The phone's first own position, of the best provider that the log has up to now: the GNSS chip's, else the fused one, else
-    /// another.
-    pub const fn own_fix(&self) -> Option<&Fix> {
-        self.own_fix.as_ref()
-    }
-
-    /// What the phone said about signals so far, in the order of the lines.
-    pub fn statuses(&self) -> &[SignalStatus] {
-        &self.statuses
-    }
-
-    /// Takes it out, so that a long recording need not keep it.
+    /// Takes what the phone said about signals since the last call out, in the order of the lines.
     pub fn take_statuses(&mut self) -> Vec<SignalStatus> {
         std::mem::take(&mut self.statuses)
-    }
-
-    /// GLONASS frequency channels by slot number, as the carrier frequencies tell them.
-    pub const fn glonass_channels(&self) -> &BTreeMap<u8, i8> {
-        self.epochs.glonass_channels()
-    }
-
-    /// Ionosphere terms of the log's own `Nav` lines, the latest; of GPS those of its `Raw` lines, where no `Nav` line has any.
-    pub fn ionosphere(&self) -> IonosphereTerms {
-        let terms = self.nav.ionosphere();
-        IonosphereTerms { gps: terms.gps.or(self.klobuchar), ..terms }
-    }
-
-    /// The epoch of the last record with what its lines state beyond observations: states of satellites, GLONASS satellites
-    /// without a slot. `None` if they state nothing.
-    pub const fn last_recorded(&self) -> Option<&RecordedEpoch> {
-        self.last.as_ref()
-    }
-
-    /// Seconds that GPS time is ahead of UTC by the log's own `Nav` lines.
-    pub const fn leap_seconds(&self) -> Option<i64> {
-        self.nav.leap_seconds()
-    }
-
-    /// Time of the epoch that the lines have come to.
-    pub fn time(&self) -> Option<GpsTime> {
-        self.epochs.time()
     }
 
     fn take(&mut self, line: Line<'_>) -> Result<(), WrongStream> {
@@ -224,9 +179,9 @@ impl GnssLoggerDecoder {
             self.device = Device::of(&text);
         }
         let taken = match text.split(',').next().filter(|kind| kind.len() < text.len()) {
-            Some("Raw") => Layout::raw(&text).map(|layout| self.raw = Columns::new(layout, true)),
-            Some("Fix") => Layout::fix(&text).map(|layout| self.fix = Columns::new(layout, true)),
-            Some("Status") => Layout::status(&text).map(|layout| self.status = Columns::new(layout, true)),
+            Some("Raw") => RAW.of_header(&text).map(|layout| self.raw = Columns::new(layout, true)),
+            Some("Fix") => FIX.of_header(&text).map(|layout| self.fix = Columns::new(layout, true)),
+            Some("Status") => STATUS.of_header(&text).map(|layout| self.status = Columns::new(layout, true)),
             Some("Nav") => Ok(()),
             _ => return,
         };
@@ -313,5 +268,48 @@ impl Decoder for GnssLoggerDecoder {
 
     fn skips(&self) -> &Skips {
         &self.skips
+    }
+}
+
+impl ObservationStream for GnssLoggerDecoder {
+    /// Those of the log's own `Nav` lines, the latest; of GPS those of its `Raw` lines, where no `Nav` line has any.
+    fn ionosphere(&self) -> IonosphereTerms {
+        let terms = self.nav.ionosphere();
+        IonosphereTerms { gps: terms.gps.or(self.klobuchar), ..terms }
+    }
+
+    fn recorded_epoch(&self) -> Option<&RecordedEpoch> {
+        self.last.as_ref()
+    }
+
+    fn leap_seconds(&self) -> Option<i64> {
+        self.nav.leap_seconds()
+    }
+
+    /// As carrier frequencies tell them.
+    fn glonass_channels(&self) -> BTreeMap<u8, i8> {
+        self.epochs.glonass_channels().clone()
+    }
+
+    /// The phone's first own position, of the best provider that the log has up to now: the GNSS chip's, else the fused one, else
+    /// another.
+    fn approximate_position(&self) -> Option<Ecef> {
+        self.own_fix.as_ref().map(Fix::position)
+    }
+
+    fn equipment(&self) -> Equipment {
+        self.device.as_ref().map_or_else(Equipment::default, |device| Equipment {
+            receiver_type: device.name(),
+            receiver_version: device.software(),
+            ..Equipment::default()
+        })
+    }
+
+    fn tell_phone(&mut self, tally: &mut PhoneTally) {
+        tally.take(self.take_fixes(), self.take_statuses());
+    }
+
+    fn shifts_weeks_itself(&self) -> bool {
+        true
     }
 }

@@ -5,15 +5,12 @@ const NAMES: [&str; 4] = ["Version:", "Platform:", "Manufacturer:", "Model:"];
 
 /// What a log says of the phone and the app. Texts are empty where nothing is said.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Device {
-    /// Version of the app.
-    pub app_version: String,
+pub(super) struct Device {
+    app_version: String,
     /// Version of Android.
-    pub platform: String,
-    /// Manufacturer of the phone.
-    pub manufacturer: String,
-    /// Model of the phone.
-    pub model: String,
+    platform: String,
+    manufacturer: String,
+    model: String,
 }
 
 impl Device {
@@ -25,7 +22,7 @@ impl Device {
     }
 
     /// Manufacturer and model, the manufacturer once.
-    pub fn name(&self) -> String {
+    pub(super) fn name(&self) -> String {
         let Self { manufacturer, model, .. } = self;
         let is_named = model.to_lowercase().starts_with(&manufacturer.to_lowercase());
         let name = if is_named { model.clone() } else { format!("{manufacturer} {model}") };
@@ -33,7 +30,7 @@ impl Device {
     }
 
     /// Versions of Android and of the app, as far as they are known.
-    pub fn software(&self) -> String {
+    pub(super) fn software(&self) -> String {
         let platform =
             if self.platform.is_empty() { String::new() } else { format!("Android {}", self.platform) };
         format!("{platform} {}", self.app_version).trim().to_owned()

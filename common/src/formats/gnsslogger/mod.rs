@@ -26,12 +26,10 @@ mod recognition;
 mod stated;
 mod status;
 mod table;
-mod told;
 
 pub use super::android::state;
 pub use decoder::GnssLoggerDecoder;
-pub use device::Device;
 pub use fix::{Fix, FixProvider};
 pub use options::{BiasReference, KnownTime, Masks, ModularTime, Options, StateRule, StateRules};
+pub(crate) use recognition::is_log_line;
 pub use status::SignalStatus;
-pub(crate) use told::is_log_line;

@@ -3,6 +3,17 @@
 use crate::formats::decode::WrongStream;
 use crate::formats::text::shorten;
 
+/// Kinds of lines that no other format has.
+const KINDS: [&[u8]; 4] = [b"Raw,", b"Fix,", b"Nav,", b"Status,"];
+
+/// Whether a line is one of a log: of measurements, or of the names of their columns.
+pub(crate) fn is_log_line(line: &[u8]) -> bool {
+    let comment = line.strip_prefix(b"#").map(<[u8]>::trim_ascii_start);
+    let kind = comment.unwrap_or(line);
+    KINDS.iter().any(|name| kind.starts_with(name))
+        || comment.is_some_and(|text| text.starts_with(b"Header Description"))
+}
+
 /// A log is recognised within this many lines.
 const LINES_TO_RECOGNISE: u64 = 100;
 

@@ -7,14 +7,9 @@ use crate::formats::text::without_mark;
 pub(super) struct Columns {
     /// Which generation.
     pub(super) generation: Generation,
-    /// Of the columns in [`Generation::required`], in that order.
-    required: [usize; REQUIRED],
-    /// Of the columns in [`Generation::optional`], in that order.
-    optional: [Option<usize>; OPTIONAL],
+    required: [Option<usize>; Required::NAMES.len()],
+    optional: [Option<usize>; Optional::NAMES.len()],
 }
-
-const REQUIRED: usize = 17;
-const OPTIONAL: usize = 11;
 
 /// Generation of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,108 +20,66 @@ pub(super) enum Generation {
     Device2022,
 }
 
-/// A required column; the discriminants are positions in [`Generation::required`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Required {
-    /// 2021: epoch, ms of GPS time. 2022: arrival, ns of GPS time.
-    Time,
-    Constellation,
-    Satellite,
-    Signal,
-    /// Transmission by the satellite's clock, ns of GPS time.
-    Transmission,
-    PositionX,
-    PositionY,
-    PositionZ,
-    VelocityX,
-    VelocityY,
-    VelocityZ,
-    ClockBias,
-    ClockDrift,
-    Pseudorange,
-    ReceiverBias,
-    Ionosphere,
-    Troposphere,
+/// Columns with their names in both generations, empty where one does not have it.
+macro_rules! columns {
+    ($(#[$doc:meta])* $columns:ident, $($(#[$own:meta])* $column:ident: $first:literal, $second:literal;)+) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(super) enum $columns {
+            $($(#[$own])* $column),+
+        }
+
+        impl $columns {
+            const NAMES: [[&'static str; 2]; [$(Self::$column),+].len()] = [$([$first, $second]),+];
+        }
+    };
 }
 
-/// A column that only one generation has, or that only raw observations need.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Optional {
-    Cn0,
-    PseudorangeRate,
-    DeltaRange,
-    DeltaRangeState,
-    CarrierFrequency,
-    CodeType,
-    PseudorangeUncertainty,
-    State,
-    Multipath,
-    BiasUncertainty,
-    ReceivedTimeUncertainty,
+columns! {
+    /// A column that must be there.
+    Required,
+    /// 2021: epoch, ms of GPS time. 2022: arrival, ns of GPS time.
+    Time: "millisSinceGpsEpoch", "ArrivalTimeNanosSinceGpsEpoch";
+    Constellation: "constellationType", "ConstellationType";
+    Satellite: "svid", "Svid";
+    Signal: "signalType", "SignalType";
+    /// Transmission by the satellite's clock, ns of GPS time.
+    Transmission: "receivedSvTimeInGpsNanos", "ReceivedSvTimeNanosSinceGpsEpoch";
+    PositionX: "xSatPosM", "SvPositionXEcefMeters";
+    PositionY: "ySatPosM", "SvPositionYEcefMeters";
+    PositionZ: "zSatPosM", "SvPositionZEcefMeters";
+    VelocityX: "xSatVelMps", "SvVelocityXEcefMetersPerSecond";
+    VelocityY: "ySatVelMps", "SvVelocityYEcefMetersPerSecond";
+    VelocityZ: "zSatVelMps", "SvVelocityZEcefMetersPerSecond";
+    ClockBias: "satClkBiasM", "SvClockBiasMeters";
+    ClockDrift: "satClkDriftMps", "SvClockDriftMetersPerSecond";
+    Pseudorange: "rawPrM", "RawPseudorangeMeters";
+    ReceiverBias: "isrbM", "IsrbMeters";
+    Ionosphere: "ionoDelayM", "IonosphericDelayMeters";
+    Troposphere: "tropoDelayM", "TroposphericDelayMeters";
+}
+
+columns! {
+    /// A column that only one generation has, or that only raw observations need.
+    Optional,
+    Cn0: "", "Cn0DbHz";
+    PseudorangeRate: "", "PseudorangeRateMetersPerSecond";
+    DeltaRange: "", "AccumulatedDeltaRangeMeters";
+    DeltaRangeState: "", "AccumulatedDeltaRangeState";
+    CarrierFrequency: "", "CarrierFrequencyHz";
+    CodeType: "", "CodeType";
+    PseudorangeUncertainty: "rawPrUncM", "RawPseudorangeUncertaintyMeters";
+    State: "", "State";
+    Multipath: "", "MultipathIndicator";
+    BiasUncertainty: "", "BiasUncertaintyNanos";
+    ReceivedTimeUncertainty: "", "ReceivedSvTimeUncertaintyNanos";
 }
 
 impl Generation {
-    const fn required(self) -> [&'static str; REQUIRED] {
+    const fn name(self, [first, second]: [&'static str; 2]) -> &'static str {
         match self {
-            Self::Derived2021 => [
-                "millisSinceGpsEpoch",
-                "constellationType",
-                "svid",
-                "signalType",
-                "receivedSvTimeInGpsNanos",
-                "xSatPosM",
-                "ySatPosM",
-                "zSatPosM",
-                "xSatVelMps",
-                "ySatVelMps",
-                "zSatVelMps",
-                "satClkBiasM",
-                "satClkDriftMps",
-                "rawPrM",
-                "isrbM",
-                "ionoDelayM",
-                "tropoDelayM",
-            ],
-            Self::Device2022 => [
-                "ArrivalTimeNanosSinceGpsEpoch",
-                "ConstellationType",
-                "Svid",
-                "SignalType",
-                "ReceivedSvTimeNanosSinceGpsEpoch",
-                "SvPositionXEcefMeters",
-                "SvPositionYEcefMeters",
-                "SvPositionZEcefMeters",
-                "SvVelocityXEcefMetersPerSecond",
-                "SvVelocityYEcefMetersPerSecond",
-                "SvVelocityZEcefMetersPerSecond",
-                "SvClockBiasMeters",
-                "SvClockDriftMetersPerSecond",
-                "RawPseudorangeMeters",
-                "IsrbMeters",
-                "IonosphericDelayMeters",
-                "TroposphericDelayMeters",
-            ],
-        }
-    }
-
-    const fn optional(self) -> [Option<&'static str>; OPTIONAL] {
-        match self {
-            Self::Derived2021 => {
-                [None, None, None, None, None, None, Some("rawPrUncM"), None, None, None, None]
-            }
-            Self::Device2022 => [
-                Some("Cn0DbHz"),
-                Some("PseudorangeRateMetersPerSecond"),
-                Some("AccumulatedDeltaRangeMeters"),
-                Some("AccumulatedDeltaRangeState"),
-                Some("CarrierFrequencyHz"),
-                Some("CodeType"),
-                Some("RawPseudorangeUncertaintyMeters"),
-                Some("State"),
-                Some("MultipathIndicator"),
-                Some("BiasUncertaintyNanos"),
-                Some("ReceivedSvTimeUncertaintyNanos"),
-            ],
+            Self::Derived2021 => first,
+            Self::Device2022 => second,
         }
     }
 }
@@ -140,6 +93,13 @@ pub(super) fn fields(line: &[u8]) -> Vec<&str> {
         .collect()
 }
 
+/// Whether a line names the column of times, which a table of either generation has.
+pub(crate) fn is_table_header(line: &[u8]) -> bool {
+    let [times, ..] = Required::NAMES;
+    line.split(|byte| *byte == b',')
+        .any(|field| times.iter().any(|name| name.as_bytes() == field.trim_ascii()))
+}
+
 impl Columns {
     /// From the header's fields.
     ///
@@ -148,14 +108,15 @@ impl Columns {
     pub(super) fn find(header: &[&str]) -> Result<Self, String> {
         let header: Vec<&str> = header.iter().map(|name| name.trim_start_matches('\u{feff}')).collect();
         let missing = |generation: Generation| -> Vec<&'static str> {
-            generation.required().into_iter().filter(|name| !header.contains(name)).collect()
+            let names = Required::NAMES.into_iter().map(|names| generation.name(names));
+            names.filter(|name| !header.contains(name)).collect()
         };
         let generation = [Generation::Derived2021, Generation::Device2022]
             .into_iter()
             .min_by_key(|generation| missing(*generation).len())
             .unwrap_or(Generation::Derived2021);
         let lacking = missing(generation);
-        if lacking.len() == REQUIRED {
+        if lacking.len() == Required::NAMES.len() {
             return Err("not a challenge table: the first line names no column of *_derived.csv (2021) or \
                         device_gnss.csv (since 2022)"
                 .to_owned());
@@ -167,33 +128,35 @@ impl Columns {
             };
             return Err(format!("the header lacks columns of {file}: {}", lacking.join(", ")));
         }
-        let position = |name: &str| header.iter().position(|found| *found == name);
-        Ok(Self {
-            generation,
-            required: generation.required().map(|name| position(name).unwrap_or(usize::MAX)),
-            optional: generation.optional().map(|name| position(name?)),
-        })
+        let position = |names: [&'static str; 2]| {
+            let name = generation.name(names);
+            header.iter().position(|found| !found.is_empty() && *found == name)
+        };
+        let (required, optional) = (Required::NAMES.map(position), Optional::NAMES.map(position));
+        Ok(Self { generation, required, optional })
     }
 
     /// A required field; empty when the row is too short.
     pub(super) fn required<'a>(&self, fields: &[&'a str], column: Required) -> &'a str {
-        let position = self.required.get(column as usize);
-        position.and_then(|at| fields.get(*at)).copied().unwrap_or_default()
-    }
-
-    /// The name of a required column.
-    pub(super) fn name(&self, column: Required) -> &'static str {
-        self.generation.required().get(column as usize).copied().unwrap_or_default()
-    }
-
-    /// The name of an optional column.
-    pub(super) fn optional_name(&self, column: Optional) -> &'static str {
-        self.generation.optional().get(column as usize).copied().flatten().unwrap_or_default()
+        field(fields, self.required.get(column as usize))
     }
 
     /// An optional field; empty when the file has no such column.
     pub(super) fn optional<'a>(&self, fields: &[&'a str], column: Optional) -> &'a str {
-        let position = self.optional.get(column as usize).copied().flatten();
-        position.and_then(|at| fields.get(at)).copied().unwrap_or_default()
+        field(fields, self.optional.get(column as usize))
     }
+
+    /// The name of a required column.
+    pub(super) fn name(&self, column: Required) -> &'static str {
+        Required::NAMES.get(column as usize).map(|names| self.generation.name(*names)).unwrap_or_default()
+    }
+
+    /// The name of an optional column.
+    pub(super) fn optional_name(&self, column: Optional) -> &'static str {
+        Optional::NAMES.get(column as usize).map(|names| self.generation.name(*names)).unwrap_or_default()
+    }
+}
+
+fn field<'a>(fields: &[&'a str], position: Option<&Option<usize>>) -> &'a str {
+    position.copied().flatten().and_then(|at| fields.get(at)).copied().unwrap_or_default()
 }

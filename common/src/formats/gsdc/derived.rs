@@ -9,6 +9,7 @@ use super::times::{self, Shift};
 use crate::formats::decode::{Decoder, Record, WrongStream};
 use crate::formats::gnsslogger::Masks;
 use crate::formats::lines::LineAssembly;
+use crate::formats::stream::ObservationStream;
 use crate::formats::text::{is_blank, without_mark};
 use crate::formats::time_order::{DAY_S, LONG_STEP_S, Verdict};
 use crate::gnss::Observation;
@@ -50,8 +51,8 @@ impl DerivedFile {
     }
 }
 
-/// Decodes a table as a stream. As a [`Decoder`] it gives the raw observations; [`DerivedDecoder::last_epoch`] gives the
-/// last ones with their corrections.
+/// Decodes a table as a stream. As a [`Decoder`] it gives the raw observations; as an [`ObservationStream`] it
+/// has them with their corrections.
 #[derive(Clone, Debug, Default)]
 pub struct DerivedDecoder {
     lines: LineAssembly,
@@ -101,11 +102,6 @@ impl DerivedDecoder {
     #[must_use]
     pub fn with_shift(self, weeks: i64) -> Self {
         Self { shift_s: weeks as f64 * SECONDS_PER_WEEK, ..self }
-    }
-
-    /// The epoch of the last record, with its corrections.
-    pub const fn last_epoch(&self) -> Option<&RecordedEpoch> {
-        self.last.as_ref()
     }
 }
 
@@ -315,5 +311,15 @@ impl Decoder for DerivedDecoder {
 
     fn skips(&self) -> &Skips {
         &self.skips
+    }
+}
+
+impl ObservationStream for DerivedDecoder {
+    fn recorded_epoch(&self) -> Option<&RecordedEpoch> {
+        self.last.as_ref()
+    }
+
+    fn shifts_weeks_itself(&self) -> bool {
+        true
     }
 }

@@ -14,10 +14,9 @@ mod losses;
 mod masks;
 mod row;
 mod signal;
-mod stated;
 mod times;
 mod truth;
 
+pub(crate) use columns::is_table_header;
 pub use derived::{DerivedDecoder, DerivedFile};
-pub(crate) use stated::is_table_header;
 pub use truth::{ground_truth, is_ground_truth};

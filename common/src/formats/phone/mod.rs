@@ -9,7 +9,7 @@ mod statuses;
 use std::collections::BTreeMap;
 use std::fmt;
 
-use crate::formats::gnsslogger::{FixProvider, GnssLoggerDecoder};
+use crate::formats::gnsslogger::{Fix, FixProvider, SignalStatus};
 use serde::Serialize;
 
 pub use fixes::FixReport;
@@ -34,11 +34,11 @@ pub struct PhoneReport {
 
 impl PhoneTally {
     /// Takes what has come out of a decoder.
-    pub fn take(&mut self, decoder: &mut GnssLoggerDecoder) {
-        for fix in decoder.take_fixes() {
+    pub(crate) fn take(&mut self, fixes: Vec<Fix>, statuses: Vec<SignalStatus>) {
+        for fix in fixes {
             self.fixes.entry(fix.provider).or_default().add(&fix);
         }
-        for status in decoder.take_statuses() {
+        for status in statuses {
             self.statuses.add(&status);
         }
     }

@@ -2,9 +2,9 @@
 //! line.
 
 use super::version::year_2;
-use crate::formats::decimal::{integer, real};
+use crate::formats::decimal::{calendar, integer};
 use crate::formats::text::columns;
-use crate::time::{Calendar, GpsTime};
+use crate::time::GpsTime;
 
 /// Satellites on an epoch line and on each of its continuations.
 const LISTED_PER_LINE: usize = 12;
@@ -106,15 +106,9 @@ pub(super) fn is_epoch_line(line: &[u8]) -> bool {
 
 /// The time of an epoch line, in the file's time system.
 pub(super) fn epoch_time(line: &[u8]) -> Option<GpsTime> {
-    let small = |from: usize| integer(columns(line, from, from + 2)).and_then(|v| u32::try_from(v).ok());
-    GpsTime::from_calendar(Calendar {
-        year: year_2(columns(line, 1, 3))?,
-        month: small(4)?,
-        day: small(7)?,
-        hour: small(10)?,
-        minute: small(13)?,
-        second: real(columns(line, 15, 26))?,
-    })
+    let [month, day, hour, minute] = [4, 7, 10, 13].map(|from| columns(line, from, from + 2));
+    let fields = [month, day, hour, minute, columns(line, 15, 26)];
+    GpsTime::from_calendar(calendar(year_2(columns(line, 1, 3)), fields)?)
 }
 
 #[cfg(test)]

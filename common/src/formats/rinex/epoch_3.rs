@@ -1,8 +1,8 @@
 //! Epoch lines of RINEX 3 and 4.
 
-use crate::formats::decimal::{integer, real};
+use crate::formats::decimal::{calendar, year};
 use crate::formats::text::columns;
-use crate::time::{Calendar, GpsTime};
+use crate::time::GpsTime;
 
 /// How many columns too far to the left a line's text is: some writers leave out the blank after `>`.
 pub(super) fn columns_missing(line: &[u8]) -> usize {
@@ -13,13 +13,6 @@ pub(super) fn columns_missing(line: &[u8]) -> usize {
 pub(super) fn epoch_time(line: &[u8]) -> Option<GpsTime> {
     let missing = columns_missing(line);
     let field = |from: usize, to: usize| columns(line, from - missing, to - missing);
-    let small = |from: usize, to: usize| integer(field(from, to)).and_then(|v| u32::try_from(v).ok());
-    GpsTime::from_calendar(Calendar {
-        year: i32::try_from(integer(field(2, 6))?).ok()?,
-        month: small(7, 9)?,
-        day: small(10, 12)?,
-        hour: small(13, 15)?,
-        minute: small(16, 18)?,
-        second: real(field(18, 29))?,
-    })
+    let fields = [field(7, 9), field(10, 12), field(13, 15), field(16, 18), field(18, 29)];
+    GpsTime::from_calendar(calendar(year(field(2, 6)), fields)?)
 }

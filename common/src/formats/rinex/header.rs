@@ -9,13 +9,13 @@ use super::types::ObservationType;
 use super::types_2::TypeList;
 use super::version::Version;
 use super::{RinexError, label, leap_seconds};
-use crate::formats::decimal::{integer, real};
+use crate::formats::decimal::{calendar, real, year};
 use crate::formats::text::{columns, shorten, text};
 use crate::formats::time_system::TimeSystem;
 use crate::frames::Ecef;
 use crate::gnss::{Constellation, SatelliteId};
 use crate::skips::Reason;
-use crate::time::{Calendar, GpsTime, corrected_leap_seconds, leap_seconds_by};
+use crate::time::{GpsTime, corrected_leap_seconds, leap_seconds_by};
 
 /// Header of an observation file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -251,14 +251,6 @@ fn position(line: &[u8]) -> Option<Ecef> {
 }
 
 fn calendar_of_header(line: &[u8]) -> Option<GpsTime> {
-    let at = |k: usize| integer(columns(line, 6 * k, 6 * k + 6));
-    let small = |k: usize| at(k).and_then(|v| u32::try_from(v).ok());
-    GpsTime::from_calendar(Calendar {
-        year: i32::try_from(at(0)?).ok()?,
-        month: small(1)?,
-        day: small(2)?,
-        hour: small(3)?,
-        minute: small(4)?,
-        second: real(columns(line, 30, 43))?,
-    })
+    let [first, month, day, hour, minute] = [0, 6, 12, 18, 24].map(|from| columns(line, from, from + 6));
+    GpsTime::from_calendar(calendar(year(first), [month, day, hour, minute, columns(line, 30, 43)])?)
 }

@@ -1,7 +1,7 @@
 //! One record of a navigation file: numbers to ephemeris, with plausibility limits.
 
 use super::version::year_2;
-use crate::formats::decimal::{integer, real};
+use crate::formats::decimal::{calendar, integer, real, year};
 use crate::formats::text::columns;
 use crate::gnss::{Constellation, SatelliteId};
 use crate::orbit::{
@@ -60,15 +60,9 @@ impl Record {
     /// Begins with the line of satellite and epoch of RINEX 3 and 4.
     pub(super) fn begin(line: u64, text: &[u8]) -> Option<Self> {
         let satellite = SatelliteId::from_bytes(*text.first_chunk::<3>()?)?;
-        let small = |from: usize| small(columns(text, from, from + 2));
-        let epoch = Calendar {
-            year: i32::try_from(integer(columns(text, 4, 8))?).ok()?,
-            month: small(9)?,
-            day: small(12)?,
-            hour: small(15)?,
-            minute: small(18)?,
-            second: real(columns(text, 21, 23))?,
-        };
+        let [month, day, hour, minute] = [9, 12, 15, 18].map(|from| columns(text, from, from + 2));
+        let fields = [month, day, hour, minute, columns(text, 21, 23)];
+        let epoch = calendar(year(columns(text, 4, 8)), fields)?;
         Some(Self::new((line, satellite), epoch, INDENT, columns(text, 23, 80)))
     }
 
@@ -80,18 +74,14 @@ impl Record {
         let satellite = match lettered {
             Some(id) => SatelliteId::from_bytes(*id)?,
             // SBAS satellites have their PRN less 100.
-            None => SatelliteId::new(system, small(columns(text, 0, 2)).and_then(|n| u8::try_from(n).ok())?),
+            None => {
+                SatelliteId::new(system, integer(columns(text, 0, 2)).and_then(|n| u8::try_from(n).ok())?)
+            }
         };
         let text = columns(text, shift, text.len());
-        let small = |from: usize| small(columns(text, from, from + 2));
-        let epoch = Calendar {
-            year: year_2(columns(text, 3, 5))?,
-            month: small(6)?,
-            day: small(9)?,
-            hour: small(12)?,
-            minute: small(15)?,
-            second: real(columns(text, 17, 22))?,
-        };
+        let [month, day, hour, minute] = [6, 9, 12, 15].map(|from| columns(text, from, from + 2));
+        let fields = [month, day, hour, minute, columns(text, 17, 22)];
+        let epoch = calendar(year_2(columns(text, 3, 5)), fields)?;
         let indent = 3 + shift;
         let known = (1..100).contains(&satellite.number);
         known.then(|| Self::new((line, satellite), epoch, indent, columns(text, 22, 79)))
@@ -153,10 +143,6 @@ impl Record {
         let value = self.value(index);
         value.filter(|delay| delay.abs() <= MAX_GROUP_DELAY_S).unwrap_or(f64::NAN)
     }
-}
-
-fn small(field: &[u8]) -> Option<u32> {
-    integer(field).and_then(|v| u32::try_from(v).ok())
 }
 
 /// The ephemeris of a record and the time of its transmission (its reference time where that is not known).

@@ -6,6 +6,7 @@ use super::epoch::{self, Epoch};
 use crate::formats::decode::{Decoder, Record, WrongStream};
 use crate::formats::lines::{Line, LineAssembly};
 use crate::formats::lost_locks::LostLocks;
+use crate::formats::stream::ObservationStream;
 use crate::formats::text::{is_blank, shorten};
 use crate::formats::time_order::TimeOrder;
 use crate::gnss::{EpochFlag, ObservationEpoch};
@@ -148,3 +149,5 @@ impl Decoder for SpareLogDecoder {
         &self.log.skips
     }
 }
+
+impl ObservationStream for SpareLogDecoder {}

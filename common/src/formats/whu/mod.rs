@@ -21,7 +21,6 @@
 mod decoder;
 mod epoch;
 mod names;
-mod stated;
 mod truth;
 
 pub use decoder::{SpareLogDecoder, is_spare_log_line};

@@ -4,7 +4,7 @@ use super::{HeaderBuilder, Scaled};
 use crate::formats::decimal::{integer, real};
 use crate::formats::rinex::types::{ObservationType, observation_type};
 use crate::formats::rinex::types_2::SYSTEMS_2;
-use crate::formats::text::columns;
+use crate::formats::text::{columns, words};
 use crate::gnss::{Constellation, SatelliteId};
 
 impl HeaderBuilder {
@@ -68,9 +68,8 @@ impl HeaderBuilder {
 
     /// Slots and channels, taken word by word because some phones' loggers shift the columns by one.
     pub(super) fn glonass_slots(&mut self, line: &[u8]) {
-        let words = columns(line, 3, 60).split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         let mut slot = None;
-        for word in words {
+        for word in words(columns(line, 3, 60)) {
             let named = word.first_chunk::<3>().and_then(|id| SatelliteId::from_bytes(*id));
             let channel = integer(word).and_then(|c| i8::try_from(c).ok());
             if let (Some(slot), Some(channel @ -7..=6)) = (slot, channel) {
