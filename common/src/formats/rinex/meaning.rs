@@ -1,4 +1,4 @@
-//! What an observation code means by the version of its file.
+//! The signal of an observation code by the version of its file.
 
 use super::types::{ObservationKind, ObservationType};
 use crate::gnss::{Constellation, NO_SUCH_SIGNAL, SignalCode};
@@ -14,7 +14,7 @@ const UNCLEAR_BAND_1: &str =
     "BeiDou code of band 1 that is no B1C before RINEX 3.04, nor B1I beside band 2, not used";
 const CODELESS_RANGE: &str = "pseudorange of codeless tracking, which has none, not used";
 
-/// What a code means.
+/// Signal of a code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Meaning {
     /// The signal.
@@ -25,7 +25,7 @@ pub(super) struct Meaning {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Remark {
-    /// There is nothing to say.
+    /// No remark.
     None,
     /// It is taken for the signal, for this reason.
     Taken(&'static str),

@@ -35,7 +35,7 @@ pub(super) struct Record {
     filled: usize,
 }
 
-/// What a record is counted under whose values no satellite broadcasts, or that contradict each other.
+/// Reason of records with values that no satellite broadcasts, or that contradict each other.
 const IMPOSSIBLE: &str = "record with impossible values";
 
 /// Why a record gives no ephemeris.
@@ -134,7 +134,7 @@ impl Record {
         })
     }
 
-    /// A number that must be there, and within bounds for what is made of it.
+    /// A number that must be there and within bounds.
     fn between(&self, index: usize, name: &'static str, low: f64, high: f64) -> Result<f64, Fault> {
         let value = self.number(index, name)?;
         within(name, value, low..=high)?;
