@@ -29,7 +29,7 @@ pub enum BiasFileError {
         names = TimeSystem::NAMES
     )]
     TimeSystem {
-        /// What the file says.
+        /// The name in the file.
         found: String,
     },
     /// No code bias of a satellite.

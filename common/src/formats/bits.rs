@@ -1,7 +1,7 @@
 //! Bit fields of messages, most significant bit first, and the checksum that RTCM 3, SBAS and Galileo share.
 //!
 //! Messages whose length is certain are read at places ([`unsigned`] and what builds on it); [`Bits`] reads field after field, and
-//! checks every one, for a message may be shorter than its type demands.
+//! checks each, for a message may be shorter than its type demands.
 
 use std::f64::consts::PI;
 
@@ -16,7 +16,7 @@ pub(super) fn unsigned(bytes: &[u8], start: usize, count: usize) -> u64 {
     shifted & u64::MAX.unbounded_shr(shift(64_usize.saturating_sub(count)))
 }
 
-/// A number of bits to shift by; any that is not small shifts all of them out.
+/// A number of bits to shift by; a number that does not fit shifts all bits out.
 fn shift(bits: usize) -> u32 {
     u32::try_from(bits).unwrap_or(u32::MAX)
 }
@@ -88,7 +88,7 @@ pub(super) const fn power(n: i32) -> f64 {
 /// Polynomial of CRC-24Q; its initial value is 0.
 const CRC_POLYNOMIAL: u32 = 0x186_4cfb;
 
-/// The checksum after bit 23 of the one before, for each byte that comes in.
+/// Checksum of each value of one byte.
 const CRC_TABLE: [u32; 256] = crc_table();
 
 const fn crc_table() -> [u32; 256] {

@@ -41,7 +41,7 @@ pub(super) fn thousandths(field: &[u8; 14]) -> Thousandths {
     Thousandths::Value(if negative { -value } else { value })
 }
 
-/// The finite number that a text is, correctly rounded; `None` when it is none. No blanks are allowed.
+/// Reads a finite number, correctly rounded; `None` when the text is no such number. No blanks are allowed.
 #[inline]
 pub(crate) fn finite(field: &[u8]) -> Option<f64> {
     lexical_core::parse::<f64>(field).ok().filter(|value| value.is_finite())
@@ -68,7 +68,7 @@ pub(crate) fn integer(field: &[u8]) -> Option<i64> {
     std::str::from_utf8(field.trim_ascii()).ok()?.parse().ok()
 }
 
-/// Reads a date and time: the fields of month, day, hour, minute and second; the year is read already, for files write it in several ways.
+/// Reads a date and time from the fields of month, day, hour, minute and second. The year is read before: files have two or four digits.
 pub(crate) fn calendar(year: Option<i32>, fields: [&[u8]; 5]) -> Option<Calendar> {
     let [month, day, hour, minute, second] = fields;
     let small = |field: &[u8]| integer(field).and_then(|value| u32::try_from(value).ok());

@@ -1,8 +1,8 @@
 //! Decoders of streams: bytes go in as they come, records come out as they are complete.
 //!
 //! A file, a growing file, standard input, a socket and a fuzzer drive the same decoder. It never blocks and never fails
-//! on content: what cannot be read is counted and named in [`Decoder::skips`]. Only a stream that is no such stream at
-//! all is an error.
+//! on content: lines and messages that cannot be read are counted and named in [`Decoder::skips`]. Only a stream of another kind is
+//! an error.
 
 use crate::gnss::{Event, ObservationEpoch};
 use crate::orbit::{GlonassEphemeris, KeplerEphemeris};
@@ -25,7 +25,7 @@ pub enum Record {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct WrongStream {
-    /// What was found, where, and what was expected.
+    /// The found text or bytes, their place, and what was expected.
     pub reason: String,
 }
 
@@ -37,7 +37,7 @@ pub trait Decoder {
     /// [`WrongStream`] when the beginning shows another kind of stream; nothing more will come out then.
     fn feed(&mut self, bytes: &[u8]) -> Result<(), WrongStream>;
 
-    /// The stream has ended: completes what can be completed, counts what cannot.
+    /// The stream has ended: completes the last record, or counts it where it is cut off.
     ///
     /// # Errors
     /// [`WrongStream`] when it ended before it could be recognised.

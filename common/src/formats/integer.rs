@@ -1,21 +1,20 @@
-//! Whole numbers in text, also as tools print them that made them floating-point numbers on the way.
+//! Whole numbers in text, also where a tool has made floating-point numbers of them.
 //!
 //! A column of whole numbers with blanks becomes one of doubles in many tools, and those print `5.0`, or from 10¹⁶ on
 //! `1.3037709439996923e+18`. Such a text is taken as the decimal number that it is, exactly.
 
-/// Digits of a text that are taken into account; an `i64` has 19, and what tools print has no more than 20 behind the point.
+/// Most digits of a number that are read; an `i64` has 19, and tools print at most 20 behind the point.
 const MOST_DIGITS: usize = 38;
 /// Any number of this many digits is below 2⁶³.
 const DIGITS_THAT_FIT: usize = 18;
 
-/// The whole number that a text is, in any notation of decimal numbers. `None` if it is none, has a fraction, or is larger
-/// than 64 bits.
+/// Reads a whole number in any decimal notation. `None` if the text is no number, has a fraction, or does not fit in 64 bits.
 #[inline]
 pub(crate) fn integer(text: &str) -> Option<i64> {
     of_bytes(text.as_bytes())
 }
 
-/// The same of a field that need not be text.
+/// The same for bytes that need not be text.
 #[inline]
 pub(crate) fn of_bytes(field: &[u8]) -> Option<i64> {
     digits(field).or_else(|| {
@@ -24,7 +23,7 @@ pub(crate) fn of_bytes(field: &[u8]) -> Option<i64> {
     })
 }
 
-/// The same of up to 18 digits alone, with a minus before them: nearly all that logs hold.
+/// The same for up to 18 digits with an optional minus, which nearly all numbers in logs are.
 #[inline]
 fn digits(field: &[u8]) -> Option<i64> {
     let (sign, digits) = match field {

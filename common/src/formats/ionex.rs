@@ -100,7 +100,7 @@ fn triple(line: &[u8]) -> Option<[f64; 3]> {
     Some([at(0)?, at(1)?, at(2)?])
 }
 
-/// What every map of a file shares.
+/// Grid, shell and exponent of all maps of a file.
 #[derive(Clone, Copy, Debug)]
 struct Frame {
     shell: Shell,
@@ -173,7 +173,7 @@ impl Frame {
     }
 }
 
-/// What is being read.
+/// The part of the file that is being read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Place {
     Between,

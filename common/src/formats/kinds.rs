@@ -1,10 +1,10 @@
-//! What a file is that was named in the wrong place, by its beginning, and where it goes.
+//! Recognises a file that was named in the wrong place by its beginning, and says where it goes.
 
 use super::gsdc;
 use super::stream::table::recognise_text;
 use super::text::content;
 
-/// As errors name what observations are expected in.
+/// Name of observation files in errors.
 pub const OBSERVATIONS: &str = "observation";
 
 /// Files that are no observations. The kinds with a name are those that options take.
@@ -23,7 +23,7 @@ enum Kind {
 }
 
 impl Kind {
-    /// As errors name what is expected.
+    /// Name of the kind in errors.
     const fn name(self) -> &'static str {
         match self {
             Self::Observations => OBSERVATIONS,
@@ -38,7 +38,7 @@ impl Kind {
         }
     }
 
-    /// What it looks like and where it goes: on the command line and in a session file.
+    /// The kind of the file and where it goes: on the command line and in a session file.
     const fn hint(self) -> &'static str {
         match self {
             Self::Observations => {
@@ -103,7 +103,7 @@ const LABELS: [(&str, Option<Kind>); 4] = [
 /// Columns around that of a RINEX file's type, which clock files of 3.04 have one further on.
 const TYPE: std::ops::Range<usize> = 20..22;
 
-/// What a file with this beginning looks like and where it goes, unless that is where it was `expected`.
+/// The kind of a file with this beginning and where it goes, unless that kind was `expected`.
 pub fn hint(start: &[u8], expected: &str) -> Option<&'static str> {
     let start = content(start);
     let kind = labelled(start)

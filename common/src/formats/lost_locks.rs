@@ -15,8 +15,7 @@ pub(crate) struct LostLocks {
 }
 
 impl LostLocks {
-    /// Takes whether an observation says that the lock was lost, and says whether to mark it: it has a phase, and the lock was
-    /// lost since the phase before.
+    /// Takes an observation and gives whether its phase is to be marked: `is_lost`, or the lock was lost since the phase before.
     pub(crate) fn observe(&mut self, signal: SignalKey, is_lost: bool, has_phase: bool) -> bool {
         let untold = self.untold.entry(signal).or_default();
         let is_lost = is_lost || *untold;

@@ -1,7 +1,7 @@
-//! Readers and writers of files and streams, a room for each, and what they share.
+//! Readers and writers of files and streams, a module for each format, and the parts that they share.
 //!
-//! Readers take bytes and give records; what cannot be read is counted in [`crate::skips::Skips`]. The records themselves belong to
-//! what uses them: observations to [`crate::gnss`], ephemerides and precise products to [`crate::orbit`], maps of the ionosphere
+//! Readers take bytes and give records; lines and messages that cannot be read are counted in [`crate::skips::Skips`]. The types of the
+//! records belong to the modules that use them: observations to [`crate::gnss`], ephemerides and precise products to [`crate::orbit`], maps of the ionosphere
 //! to [`crate::atmosphere`].
 
 mod android;

@@ -20,14 +20,14 @@ pub enum DecompressError {
     /// The container is damaged or cut off.
     #[error("{packing} data is damaged after {expanded} expanded bytes ({cause}); fetch the file again")]
     Damaged {
-        /// How it is packed.
+        /// The kind of packing.
         packing: Packing,
-        /// Bytes that came out before.
+        /// Bytes expanded before the damage.
         expanded: usize,
-        /// What the decoder said.
+        /// Message of the decoder.
         cause: String,
     },
-    /// More than the limit comes out.
+    /// The expanded size exceeds the limit.
     #[error("compressed data expands to more than {limit} bytes; split the file")]
     TooLarge {
         /// The limit, bytes.
@@ -35,7 +35,7 @@ pub enum DecompressError {
     },
 }
 
-/// How a file is packed.
+/// Kind of packing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
     /// gzip (.gz), also several in a row.
@@ -45,7 +45,7 @@ pub enum Packing {
 }
 
 impl Packing {
-    /// By the first two bytes; `None` for anything that is read as it is.
+    /// By the first two bytes; `None` for bytes that are not packed.
     pub fn of(start: &[u8]) -> Option<Self> {
         match start.first_chunk() {
             Some(&GZIP_MAGIC) => Some(Self::Gzip),
@@ -54,7 +54,7 @@ impl Packing {
         }
     }
 
-    /// What comes out of packed bytes.
+    /// A reader of the expanded bytes.
     pub fn expand<'a>(self, packed: impl Read + Send + 'a) -> Box<dyn Read + Send + 'a> {
         let packed = BufReader::new(packed);
         match self {

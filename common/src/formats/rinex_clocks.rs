@@ -29,7 +29,7 @@ pub enum ClockFileError {
     /// A time system that is not known.
     #[error("TIME SYSTEM ID '{found}' of a clock file is not known; {names} are", names = TimeSystem::NAMES)]
     TimeSystem {
-        /// What the header says.
+        /// The name in the header.
         found: String,
     },
     /// The input ended before END OF HEADER.
@@ -110,7 +110,7 @@ struct Reader {
     time_system: TimeSystem,
     records: Vec<ClockRecord>,
     last_epoch: Option<GpsTime>,
-    /// A record far from the one before, and its line: believed when the next one is near it.
+    /// A record far in time from its predecessor, and its line; believed when the next record is near it.
     suspect: Option<(u64, ClockRecord)>,
     /// Differences between successive epochs, s.
     steps_s: Vec<f64>,

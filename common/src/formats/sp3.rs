@@ -36,7 +36,7 @@ pub enum Sp3Error {
     /// A time system that is not known.
     #[error("SP3 time system '{found}' is not known; {names} are", names = TimeSystem::NAMES)]
     TimeSystem {
-        /// What the file says.
+        /// The name in the file.
         found: String,
     },
     /// No positions.

@@ -1,4 +1,5 @@
-//! Text files: their lines, columns, and how they begin (editors put a byte order mark before them, some writers empty lines).
+//! Text files: lines, columns and words, and the beginning of the content (editors put a byte order mark before it, some writers empty
+//! lines).
 
 /// The byte order mark of UTF-8.
 const MARK: &[u8] = b"\xef\xbb\xbf";
@@ -16,7 +17,7 @@ pub fn is_blank(line: &[u8]) -> bool {
     line.iter().all(u8::is_ascii_whitespace)
 }
 
-/// A text from its first line with content on. What is cut off are marks and empty lines.
+/// A text from its first line with content on: byte order marks and empty lines before it are cut off.
 pub fn content(mut text: &[u8]) -> &[u8] {
     loop {
         text = without_mark(text);
@@ -68,12 +69,12 @@ pub(crate) fn trim_end(line: &[u8]) -> &[u8] {
     line
 }
 
-/// Columns `from..to` of a line, as much of them as there is.
+/// Columns `from..to` of a line, up to its end.
 pub(crate) fn columns(line: &[u8], from: usize, to: usize) -> &[u8] {
     line.get(from..to.min(line.len())).unwrap_or_default()
 }
 
-/// What blanks separate.
+/// The parts of a text between blanks.
 pub(crate) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }

@@ -1,7 +1,7 @@
 //! Epochs in order of time, each once, although a date may be damaged.
 //!
-//! An epoch long after the one before it is either the first after a gap or one whose date is wrong. It is held until the next one
-//! comes: if that goes on from there, both are given; if it goes on from before, the held one was wrong. So a damaged date costs
+//! An epoch long after its predecessor either is the first after a gap or has a wrong date. It is held until the next epoch
+//! comes: if that goes on from there, both are given; if it goes on from before, the held epoch was wrong. So a damaged date costs
 //! its own epoch and no other, and a gap costs nothing.
 
 use std::cmp::Ordering;
@@ -13,28 +13,28 @@ use crate::time::GpsTime;
 
 /// A longer step forward waits for the next epoch, s.
 pub(crate) const LONG_STEP_S: f64 = 60.0;
-/// At the end of the recording, where no epoch follows, a longer one is not believed, s. So far is a beginning from what a header says
-/// believed at once.
+/// Longest step, s, that is believed at the end of the recording, where no epoch follows; and largest distance of the first epoch from the
+/// beginning stated in a header at which it is believed at once.
 pub(crate) const DAY_S: f64 = 86_400.0;
 
-/// Whether a time is that of another one or of what follows it without a long step.
+/// Whether a time equals another or follows it without a long step.
 pub(crate) fn follows(before: GpsTime, time: GpsTime) -> bool {
     (0.0..=LONG_STEP_S).contains(&(time - before))
 }
 
-/// What a time says about one far ahead, which waits.
+/// What a time says about an earlier one that was far ahead and waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// The recording goes on from before it, or from another time that is earlier: it is wrong.
+    /// The recording goes on from before the waiting time, or from another earlier time: the waiting time is wrong.
     Wrong,
-    /// It is the same time.
+    /// Both times are equal.
     Same,
-    /// The recording goes on after it.
+    /// The recording goes on after the waiting time.
     Confirmed,
 }
 
 impl Verdict {
-    /// About the time that waits, by a time that is not late; `goes_on` says whether that goes on from before.
+    /// The verdict on the `waiting` time by a `time` that is not late; `goes_on`: whether `time` goes on from before.
     pub(crate) fn on(waiting: GpsTime, time: GpsTime, goes_on: bool) -> Self {
         match time.cmp(&waiting) {
             _ if goes_on => Self::Wrong,
@@ -48,7 +48,7 @@ impl Verdict {
 /// Keeps the epochs in order of time.
 #[derive(Clone, Debug)]
 pub(crate) struct TimeOrder {
-    /// What is counted in the recording: lines or frames.
+    /// Unit of the numbers in messages: line or frame.
     unit: &'static str,
     /// The last epoch that is believed.
     last: Option<GpsTime>,

@@ -1,4 +1,4 @@
-//! What lines state beyond observations: states of satellites, and GLONASS satellites without a slot.
+//! States of satellites, and observations of GLONASS satellites without a slot, which lines have beside usual observations.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use crate::gnss::{Observation, ObservationEpoch};
 use crate::measurement::{ChannelObservation, GivenCorrections, RecordedEpoch, RecordedObservation};
 use crate::time::GpsTime;
 
-/// What is stated in the lines of an epoch.
+/// States and observations without a slot of an epoch.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EpochBeyond {
     /// By the place of the observation in its epoch.
@@ -33,21 +33,21 @@ impl EpochBeyond {
     }
 }
 
-/// The same of the epochs that are complete and not given out yet.
+/// The same for epochs that are complete and not given out yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Beyond {
     epochs: BTreeMap<GpsTime, EpochBeyond>,
 }
 
 impl Beyond {
-    /// Takes what an epoch has of it.
+    /// Takes an epoch's, if it has any.
     pub(super) fn add(&mut self, time_gps: GpsTime, epoch: EpochBeyond) {
         if !epoch.given.is_empty() || !epoch.by_channel.is_empty() {
             self.epochs.insert(time_gps, epoch);
         }
     }
 
-    /// The epoch, which is given out now, with what its lines state, if they do. Epochs before it are forgotten.
+    /// The epoch, which is given out now, with the states of its lines; `None` if they have none. Earlier epochs are forgotten.
     pub(super) fn take(
         &mut self,
         epoch: &ObservationEpoch,

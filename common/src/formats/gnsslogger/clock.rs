@@ -11,7 +11,7 @@ pub(super) const PLAUSIBLE_NS: std::ops::Range<i64> = 946_684_800_000_000_000..3
 const FIRST_DAY_NS: i64 = 86_400_000_000_000;
 pub(super) const WEEK_NS: i64 = 7 * FIRST_DAY_NS;
 
-/// Which bias is in force.
+/// The bias in force.
 #[derive(Clone, Copy, Debug)]
 struct Bias {
     full_ns: i64,
@@ -21,7 +21,7 @@ struct Bias {
 /// The clock of an epoch.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EpochClock {
-    /// What the lines of the epoch say.
+    /// The fields of the epoch's lines.
     pub(super) fields: ClockFields,
     /// Time of the epoch (without a measurement's own offset).
     pub(super) time: ReceiveTime,
@@ -32,7 +32,7 @@ pub(super) struct EpochClock {
 }
 
 impl EpochClock {
-    /// The clock by a line, following that of the epoch before. `None` on overflow, that is on absurd numbers.
+    /// The clock by a line, following that of the epoch before. `None` on overflow, which only damaged numbers cause.
     pub(super) fn new(fields: ClockFields, before: Option<&Self>, reference: BiasReference) -> Option<Self> {
         let own = Bias { full_ns: fields.full_bias_ns, part_ns: fields.bias_ns };
         // A line without the count says nothing about it.
@@ -50,7 +50,7 @@ impl EpochClock {
     }
 }
 
-/// A clock that cannot be, and what it would be if a receiver had not rolled over its week once or twice.
+/// Describes an impossible clock, and its time with one or two rollovers of the week added where that is possible.
 pub(super) fn describe_clock(clock: ClockFields) -> String {
     let said = format!("TimeNanos {}, FullBiasNanos {}", clock.time_ns, clock.full_bias_ns);
     let time_ns = clock.time_ns.saturating_sub(clock.full_bias_ns);

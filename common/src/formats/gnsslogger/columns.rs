@@ -1,10 +1,10 @@
-//! Which field of a line means what: columns by the names in the log's own header.
+//! Columns of lines, found by the names in the log's own header.
 
 /// The columns of a kind of lines.
 pub(super) struct Kind<const N: usize> {
-    /// The names of each column, by which headers have called it.
+    /// The names of each column in headers.
     names: [&'static [&'static str]; N],
-    /// Columns without which a line is of no use.
+    /// Columns without which a line cannot be used.
     needed: &'static [usize],
     /// The names in the order of lines without a header.
     standard: &'static str,
@@ -161,8 +161,8 @@ impl<const N: usize> Layout<N> {
         self.slots.len()
     }
 
-    /// The used fields of a line, trimmed, and how many fields it has in all. Of a name that the header has twice, the
-    /// first field that is filled counts: one version printed the carrier frequency in two places.
+    /// The used fields of a line, trimmed, and the number of all its fields. Where the header has a name twice, the first field
+    /// that is filled counts: one version printed the carrier frequency in two places.
     pub(super) fn split<'a>(&self, line: &'a [u8]) -> ([&'a [u8]; N], usize) {
         let mut values: [&[u8]; N] = [&[]; N];
         let mut slots = self.slots.iter();

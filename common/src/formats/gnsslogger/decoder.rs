@@ -1,4 +1,4 @@
-//! Line by line to records.
+//! The decoder: lines to records.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -26,7 +26,7 @@ use crate::measurement::RecordedEpoch;
 use crate::orbit::IonosphereTerms;
 use crate::skips::{Reason, Skips};
 
-/// Kinds of lines that the app writes and that have no use here.
+/// Kinds of lines that the app writes and the decoder does not use.
 const UNUSED_KINDS: [&[u8]; 19] = [
     b"Agc",
     b"Accel",
@@ -131,7 +131,7 @@ impl GnssLoggerDecoder {
         std::mem::take(&mut self.fixes)
     }
 
-    /// Takes what the phone said about signals since the last call out, in the order of the lines.
+    /// Takes the states of signals since the last call out, in the order of the lines.
     pub fn take_statuses(&mut self) -> Vec<SignalStatus> {
         std::mem::take(&mut self.statuses)
     }

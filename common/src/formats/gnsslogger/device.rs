@@ -3,7 +3,7 @@
 /// Names of the line's values.
 const NAMES: [&str; 4] = ["Version:", "Platform:", "Manufacturer:", "Model:"];
 
-/// What a log says of the phone and the app. Texts are empty where nothing is said.
+/// Phone and app of a log. Texts are empty where the log does not tell.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Device {
     app_version: String,

@@ -25,11 +25,11 @@ pub(super) struct Epochs {
     last_line: Option<LastLine>,
     /// Epochs that are complete.
     order: TimeOrder,
-    /// A line far ahead, the first of its epoch, that waits for a second one.
+    /// A line far ahead, the first of its epoch, that waits for a second line.
     suspect: Option<Timed>,
     glonass_channels: BTreeMap<u8, i8>,
     locks: LostLocks,
-    /// What the lines state beyond observations.
+    /// States of satellites and observations without a slot.
     beyond: Beyond,
     usual_size: usize,
 }
@@ -43,7 +43,7 @@ struct Current {
     beyond: EpochBeyond,
 }
 
-/// What a line measured, and when.
+/// The measurement of a line and its time.
 #[derive(Clone, Debug)]
 struct Timed {
     number: u64,
@@ -95,14 +95,14 @@ impl Epochs {
         }
     }
 
-    /// Notes that a signal's lock was lost by a line that gives no observation: its next phase says so.
+    /// Notes a loss of lock by a line that gives no observation; the signal's next phase is marked.
     pub(super) fn lost(&mut self, signal: Option<SignalKey>) {
         if let Some(signal) = signal {
             self.locks.observe(signal, true, false);
         }
     }
 
-    /// What a line measured, and when; `None` (counted) if it is not used.
+    /// The measurement of a line and its time; `None` (counted) if it is not used.
     fn measured(
         &self,
         (number, line): (u64, &RawLine),
@@ -144,8 +144,7 @@ impl Epochs {
         self.order.finish(None, skips, &mut |record| records.push_back(record));
     }
 
-    /// What the lines of an epoch that was given out state beyond its observations, if anything. Nothing is kept of it and those
-    /// before it.
+    /// Further statements of the lines of an epoch that is given out, if there are any. This epoch and earlier ones are forgotten.
     pub(super) fn recorded(&mut self, epoch: &ObservationEpoch) -> Option<RecordedEpoch> {
         self.beyond.take(epoch, &self.glonass_channels)
     }
@@ -160,7 +159,7 @@ impl Epochs {
         &self.glonass_channels
     }
 
-    /// Counts the epoch that the line of this time leaves behind, if none of its lines could be used.
+    /// Counts the epoch before the line of this time, if none of its lines could be used.
     fn count_unused(&mut self, next: Option<(u64, i64)>, skips: &mut Skips) {
         let same = |last: LastLine| next.is_some_and(|(_, time_ns)| time_ns == last.time_ns);
         if self.last_line.is_some_and(same) {

@@ -4,13 +4,13 @@ use crate::formats::text::shorten;
 use crate::formats::{android, decimal};
 use crate::skips::{Reason, Skips};
 
-/// The fields of a line, read as numbers; what cannot be read is counted.
+/// Reads the fields of a line as numbers, and counts those that cannot be read.
 pub(super) struct Fields<'a> {
     /// Kind of line, such as "Raw line", for messages.
     pub(super) kind: &'static str,
     /// Line number.
     pub(super) line: u64,
-    /// Where it is counted.
+    /// Counts of unreadable fields.
     pub(super) skips: &'a mut Skips,
 }
 
@@ -33,7 +33,7 @@ impl Fields<'_> {
         value
     }
 
-    /// Counts the line, or something in it, as refused.
+    /// Counts a line or one of its values as refused.
     pub(super) fn refuse(&mut self, reason: Reason, describe: impl FnOnce() -> String) {
         let (kind, line) = (self.kind, self.line);
         self.skips.add_within(kind, reason, || format!("line {line}: {}", describe()));
@@ -61,7 +61,7 @@ impl Fields<'_> {
     }
 }
 
-/// An integer, in whatever notation a tool has put it.
+/// An integer in any notation of tools.
 #[inline]
 pub(super) fn integer(field: &[u8]) -> Option<i64> {
     crate::formats::integer::of_bytes(field)

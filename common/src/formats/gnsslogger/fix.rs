@@ -1,4 +1,4 @@
-//! `Fix` lines: what the phone itself made of its position.
+//! `Fix` lines: positions that the phone computed.
 
 use super::columns::{FIX_COLUMNS, Fix as Column};
 use super::fields::{Fields, integer, real};
@@ -6,7 +6,7 @@ use crate::frames::{Ecef, Geodetic};
 use crate::skips::Reason;
 use crate::time::GpsTime;
 
-/// Where a fix came from.
+/// Provider of a fix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FixProvider {
     /// The GNSS chip.
@@ -22,7 +22,7 @@ pub enum FixProvider {
 /// A position that the phone reported. Heights are above the ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fix {
-    /// Where it came from.
+    /// The provider.
     pub provider: FixProvider,
     /// Time of the fix, GPS time (the log has UTC to the millisecond).
     pub time_gps: GpsTime,

@@ -8,12 +8,12 @@ use crate::gnss::{CN0_BOUNDS_DBHZ, LossOfLock, MAX_DOPPLER_HZ, MAX_PHASE_CYCLES,
 use crate::measurement::GivenCorrections;
 use crate::skips::Reason;
 
-/// Why a line gives no observation, or not all of it.
+/// Reason why a line gives no observation, or not all values of one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Refusal {
     /// Reason to count under.
     pub(super) reason: Reason,
-    /// What the value is.
+    /// Name or unit of the value.
     pub(super) quantity: &'static str,
     /// The value.
     pub(super) value: f64,
@@ -71,7 +71,7 @@ pub(super) fn measure(
 }
 
 /// Adds Doppler (−rate/λ) and phase (delta range/λ, which grows with the distance as in RINEX) with the nominal
-/// wavelength of the signal, and says what of them is refused. Whether the lock was lost is for the epochs to say.
+/// wavelength of the signal, or says why one of the two is refused. Losses of lock are added with the epoch.
 pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Options) -> Result<(), Refusal> {
     let observation = &mut measured.observation;
     let phase_m = line.range_m.filter(|_| line.range_state.is_valid() || options.keep_invalid_phase);
@@ -100,7 +100,7 @@ pub(super) fn add_carrier(line: &RawLine, measured: &mut Measured, options: &Opt
     Ok(())
 }
 
-/// In which scale the time of transmission counts, by the state bits.
+/// The scale of the time of transmission, by the state bits.
 fn scale(
     state: u32,
     satellite: SatelliteId,
@@ -117,7 +117,7 @@ fn scale(
     }
 }
 
-/// The masks on what the phone says about its own measurement. A value that the log does not have passes.
+/// The masks by the phone's statements on its own measurement. A value that the log does not have passes.
 fn check(line: &RawLine, masks: &Masks) -> Result<(), Refusal> {
     let above = |value: Option<f64>, limit: f64| value.filter(|v| *v > limit);
     if let Some(value) = above(line.clock.bias_uncertainty_ns, masks.max_bias_uncertainty_ns) {

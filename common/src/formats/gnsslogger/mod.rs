@@ -1,11 +1,11 @@
 //! Text logs of Google's GnssLogger app, all versions from 2016 on.
 //!
 //! Lines are comma-separated and begin with their kind: `Raw` (one signal of one epoch), `Fix` (the phone's own position),
-//! `Nav` (a piece of a navigation message), `Status` (what the phone does with one signal), and sensor lines, which are not
+//! `Nav` (a piece of a navigation message), `Status` (reception and use of one signal), and sensor lines, which are not
 //! used. Columns are found by the names in header lines like `# Raw,…`.
 //!
 //! Pseudoranges are c·(t_rx − t_tx) with t_rx by the phone's clock fields, in whole nanoseconds. Masks
-//! ([`Masks`]) and everything else that costs a measurement are counted by name.
+//! ([`Masks`]) and all other reasons that cost a measurement are counted by name.
 
 mod beyond;
 mod clock;

@@ -1,12 +1,12 @@
-//! Whose signal a line is about.
+//! Satellite and signal of a line.
 
 use super::raw::RawLine;
 use crate::formats::android::{Signal, channel_only, satellite, signal};
 use crate::gnss::SatelliteId;
 use crate::skips::{Reason, Skips};
 
-/// Satellite and signal of a line; `None` (counted) if it has none that is known. A GLONASS satellite of which the phone knows the
-/// channel only goes by its number there.
+/// Satellite and signal of a line; `None` (counted) if they are not known. A GLONASS satellite of which the phone knows only the
+/// channel has the phone's number.
 pub(super) fn named((number, line): (u64, &RawLine), skips: &mut Skips) -> Option<(SatelliteId, Signal)> {
     let (system, svid) = (line.constellation_type, line.svid);
     let by_channel = channel_only(system, svid);

@@ -32,7 +32,7 @@ pub(super) struct NavLines {
     without_channel: WithoutChannel,
 }
 
-/// What a line completes.
+/// The message that a line completes.
 enum Decoded {
     Kepler(Box<KeplerEphemeris>),
     Glonass(GlonassMessage),
@@ -42,7 +42,7 @@ enum Decoded {
 #[derive(Clone, Debug, Default)]
 struct WithoutChannel {
     messages: Vec<(u64, GlonassMessage)>,
-    /// How many channels were known when they were last looked up.
+    /// Number of known channels at the last search.
     known: usize,
 }
 
@@ -74,7 +74,7 @@ impl NavLines {
         }
     }
 
-    /// Decodes what has waited for a time or for a channel.
+    /// Decodes the messages that have waited for a time or for a channel.
     pub(super) fn catch_up(&mut self, epochs: &Epochs, skips: &mut Skips, records: &mut VecDeque<Record>) {
         let Some(now) = epochs.time() else { return };
         for message in std::mem::take(&mut self.waiting) {
@@ -92,7 +92,7 @@ impl NavLines {
         self.without_channel.catch_up(epochs, records);
     }
 
-    /// Counts what has waited in vain.
+    /// Counts the messages that still wait.
     pub(super) fn finish(&mut self, skips: &mut Skips) {
         for message in std::mem::take(&mut self.waiting) {
             skips.add(Reason::NavLineWithoutWeek, || format!("line {}", message.number));
@@ -143,7 +143,7 @@ impl WithoutChannel {
         }
     }
 
-    /// Gives those whose channel has become known.
+    /// Gives the messages whose channel has become known.
     fn catch_up(&mut self, epochs: &Epochs, records: &mut VecDeque<Record>) {
         let known = epochs.glonass_channels().len();
         if known == self.known {

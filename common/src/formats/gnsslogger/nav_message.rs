@@ -23,7 +23,7 @@ pub(super) struct Message {
     length: usize,
 }
 
-/// What message, and whose.
+/// Kind of message, and its satellite.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Kind {
     /// GPS or QZSS.
@@ -41,7 +41,7 @@ impl Message {
     }
 }
 
-/// What a line says before its bytes.
+/// The fields before the bytes.
 struct Head {
     svid: i64,
     /// The constellation in the high byte, the message in the low one.

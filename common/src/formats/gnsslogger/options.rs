@@ -1,11 +1,11 @@
-//! What is accepted of a log, and how its clock is read.
+//! Options of the decoder: masks, and the reading of the clock.
 
 use serde::{Deserialize, Serialize};
 
 use crate::formats::android::state;
 use crate::gnss::Constellation;
 
-/// Which `FullBiasNanos` and `BiasNanos` turn the phone's clock into GPS time.
+/// The `FullBiasNanos` and `BiasNanos` that turn the phone's clock into GPS time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BiasReference {
@@ -24,7 +24,7 @@ pub enum BiasReference {
 pub struct Options {
     /// Clock of the pseudoranges.
     pub bias_reference: BiasReference,
-    /// What is not used.
+    /// Limits outside which measurements are not used.
     pub masks: Masks,
     /// Weeks to add to the phone's time, for a phone whose week is wrong: 1,024 where it was not rolled over.
     pub shift_weeks: i64,
@@ -32,7 +32,7 @@ pub struct Options {
     pub keep_invalid_phase: bool,
 }
 
-/// Measurements outside these limits are not used; each mask counts what it takes.
+/// Measurements outside these limits are not used; each mask counts the measurements that it leaves out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Masks {
@@ -106,7 +106,7 @@ pub struct StateRule {
     pub forbidden: u32,
 }
 
-/// How much of the time of transmission state bits vouch for.
+/// The part of the time of transmission that state bits vouch for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KnownTime {
     /// All of it; or it is believed without any bit (see [`StateRules::untimed`]).
@@ -136,7 +136,7 @@ pub struct StateRules {
 }
 
 impl StateRule {
-    /// How much of the time of transmission is known where the code is tracked; `None` if that is not enough to use it.
+    /// The part of the time of transmission that is known where the code is tracked; `None` if the measurement cannot be used.
     ///
     /// A phone may call a code's milliseconds ambiguous that it has put right by the time of week (L5 beside L1 on chips of
     /// 2018): a complete time is believed all the same.

@@ -1,10 +1,9 @@
 //! Pseudoranges from times of reception and transmission.
 //!
 //! P = c·(t_rx − t_tx), t_rx = TimeNanos + TimeOffsetNanos − (FullBiasNanos + BiasNanos), t_tx = ReceivedSvTimeNanos
-//! (Android API; GSA White Paper "Using GNSS raw measurements on Android devices", 2.4). The whole nanoseconds, 10¹⁸ of
-//! them, are integers throughout: a double would lose 128 ns, or 38 m. t_tx comes without its week (or day, or without what goes
-//! beyond a subframe, page, string or secondary code), so the difference is known modulo that period, and travel times of 0.07 to
-//! 0.14 s make it unique.
+//! (Android API; GSA White Paper "Using GNSS raw measurements on Android devices", 2.4). Whole nanoseconds, numbers near
+//! 10¹⁸, are integers throughout: a double would lose 128 ns, or 38 m. t_tx is known modulo a period (a week, a day, a subframe, page,
+//! string or secondary code), and so is the difference; travel times of 0.07 to 0.14 s make it unique.
 
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::gnss::Constellation;
@@ -22,12 +21,12 @@ const GLONASS_AHEAD_OF_UTC_NS: i64 = 3 * 3_600 * NANOS;
 /// Metres that light travels in a nanosecond.
 const METRES_PER_NS: f64 = SPEED_OF_LIGHT_MPS * 1e-9;
 
-/// When a measurement was taken, by the phone's estimate of GPS time.
+/// Time of a measurement by the phone's estimate of GPS time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ReceiveTime {
     /// Nanoseconds since 1980-01-06.
     pub(super) whole_ns: i64,
-    /// What is to be added, ns; may be longer than 1 ns.
+    /// Addition to the whole nanoseconds, ns; may be longer than 1 ns.
     pub(super) fraction_ns: f64,
 }
 
@@ -62,7 +61,7 @@ impl TransmitScale {
         Self { period_ns, ahead_ns, shortest_ns: -period_ns / 100 }
     }
 
-    /// The same of which only the time modulo a period is known, which weeks and days are multiples of.
+    /// The same where the time is known only modulo a period, of which weeks and days are multiples.
     pub(super) fn modulo(self, period_ms: u32) -> Self {
         let period_ns = i64::from(period_ms.max(1)) * NANOS_PER_MILLI;
         Self { period_ns, shortest_ns: MIDDLE_TRAVEL_NS - period_ns / 2, ..self }

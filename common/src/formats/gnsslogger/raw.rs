@@ -7,7 +7,7 @@ use crate::formats::android::{MULTIPATH_DETECTED, RangeState, code_type, satelli
 use crate::formats::lost_locks::SignalKey;
 use crate::measurement::GivenCorrections;
 
-/// What a `Raw` line says; units as in its column names.
+/// The numbers of a `Raw` line; units as in its column names.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RawLine {
     pub(super) clock: ClockFields,
@@ -46,7 +46,7 @@ impl RawLine {
     }
 }
 
-/// The signal of a line that says that its lock was lost, whatever else of the line cannot be read.
+/// The signal of a line that tells a loss of lock, even if other fields cannot be read.
 pub(super) fn lost_signal(fields: &[&[u8]; RAW_COLUMNS]) -> Option<SignalKey> {
     let at = |column: Raw| fields.get(column as usize).copied().unwrap_or_default();
     if !RangeState(bits(at(Raw::AccumulatedDeltaRangeState))?).is_lock_lost() {

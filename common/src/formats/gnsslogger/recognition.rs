@@ -1,4 +1,4 @@
-//! Whether a stream is a GnssLogger log.
+//! Recognition of GnssLogger logs.
 
 use crate::formats::decode::WrongStream;
 use crate::formats::text::shorten;
@@ -17,17 +17,17 @@ pub(crate) fn is_log_line(line: &[u8]) -> bool {
 /// A log is recognised within this many lines.
 const LINES_TO_RECOGNISE: u64 = 100;
 
-/// What the lines so far say.
+/// The kind of stream by the lines so far.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Recognition {
-    /// Nothing; the first line that was not known is kept.
+    /// Not clear; the first line of an unknown kind is kept.
     Open {
         /// Its beginning.
         first: Option<String>,
     },
     /// A log.
     Log,
-    /// Something else.
+    /// Another kind of stream.
     Wrong(WrongStream),
 }
 

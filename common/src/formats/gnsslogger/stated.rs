@@ -1,4 +1,4 @@
-//! What `Raw` lines since 2022 state about satellites and ionosphere (Android API, `SatellitePvt`; names as the app prints them).
+//! Satellites' states and ionosphere terms in `Raw` lines since 2022 (Android API, `SatellitePvt`; names as the app prints them).
 
 use super::columns::{RAW_COLUMNS, Raw};
 use super::fields::{Fields, real};
@@ -12,7 +12,7 @@ use crate::skips::Reason;
 /// Standard deviation of orbit and clock along the line of sight, m. The app does not say whether the clock contains the
 /// signal's group delay, and those of GPS satellites differ by 2 m.
 const SIGMA_M: f64 = 2.0;
-/// A position this near to the Earth's centre is none, m.
+/// A position nearer to the Earth's centre stands for none, m.
 const EARTHS_INSIDE_M: f64 = 6e6;
 /// Largest delay in the atmosphere, m.
 const MAX_DELAY_M: f64 = 500.0;
@@ -20,8 +20,8 @@ const MAX_DELAY_M: f64 = 500.0;
 const MAX_ALPHA: [f64; 4] = [1.2e-7, 9.6e-7, 7.7e-6, 7.7e-6];
 const MAX_BETA: [f64; 4] = [2.63e5, 2.1e6, 8.4e6, 8.4e6];
 
-/// Satellite state and delays of a line; `None` where the phone gives none (blank, zero, or another place inside the Earth), and
-/// (counted) where they cannot be.
+/// Satellite state and delays of a line; `None` where the phone gives none (blank, zero, or another place inside the Earth), and,
+/// counted, where they are impossible.
 pub(super) fn corrections(fields: &[&[u8]; RAW_COLUMNS], read: &mut Fields<'_>) -> Option<GivenCorrections> {
     let at = |column: Raw| fields.get(column as usize).copied().unwrap_or_default();
     // A state is whole or missing.
@@ -62,7 +62,7 @@ pub(super) fn corrections(fields: &[&[u8]; RAW_COLUMNS], read: &mut Fields<'_>) 
     })
 }
 
-/// Klobuchar's coefficients of a line; `None` where the phone gives none, or none that can be.
+/// Klobuchar's coefficients of a line; `None` where the phone gives none or impossible ones.
 pub(super) fn klobuchar(fields: &[&[u8]; RAW_COLUMNS]) -> Option<KlobucharCoefficients> {
     use Raw::{
         KlobucharAlpha0, KlobucharAlpha1, KlobucharAlpha2, KlobucharAlpha3, KlobucharBeta0, KlobucharBeta1,

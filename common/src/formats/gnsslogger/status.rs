@@ -1,4 +1,4 @@
-//! `Status` lines: which signals the phone sees or could see, and what it does with them (Android API, `GnssStatus`).
+//! `Status` lines: the signals that the phone receives or could receive, and how it uses them (Android API, `GnssStatus`).
 //!
 //! The phone reports all its signals together, one line each, numbered from 0. Where nothing is known it writes zeros: a C/N0
 //! of 0 is no reception, a time of 0 (other loggers than Google's) no fix yet, and azimuth and elevation both 0, which
@@ -12,7 +12,7 @@ use crate::gnss::{CN0_BOUNDS_DBHZ, SatelliteId, SignalCode};
 use crate::skips::Reason;
 use crate::time::GpsTime;
 
-/// What the phone says about one signal.
+/// The phone's report on one signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SignalStatus {
     /// Number of the report: lines of one report have the same, each report has the next.
@@ -29,25 +29,25 @@ pub struct SignalStatus {
     pub cn0_dbhz: Option<f64>,
     /// Carrier-to-noise density in the receiver, after the losses of antenna and front end, dB-Hz.
     pub baseband_cn0_dbhz: Option<f64>,
-    /// Where the phone thinks the satellite is.
+    /// Direction of the satellite by the phone.
     pub direction: Option<Direction>,
-    /// It went into the phone's last position.
+    /// Whether the signal was used in the phone's last position.
     pub used_in_fix: bool,
-    /// The phone has the satellite's almanac.
+    /// Whether the phone has the satellite's almanac.
     pub has_almanac: bool,
-    /// The phone has the satellite's ephemeris.
+    /// Whether the phone has the satellite's ephemeris.
     pub has_ephemeris: bool,
 }
 
 /// Numbers the reports, by lines in their order.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Reports {
-    /// How many have begun.
+    /// Number of reports that have begun.
     begun: u64,
     last: Option<Place>,
 }
 
-/// Where a line stands.
+/// Place of a line in its report.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     index: i64,

@@ -1,14 +1,14 @@
-//! Columns and their number.
+//! Columns and number of fields of a kind of lines.
 
 use super::columns::Layout;
 use super::fields::Fields;
 use crate::skips::Reason;
 
-/// The columns of a kind of line, and how many fields its lines have.
+/// The columns of a kind of lines, and the number of their fields.
 #[derive(Clone, Debug)]
 pub(super) struct Columns<const N: usize> {
     layout: Layout<N>,
-    /// The log has a header for it.
+    /// Whether the log has a header for the kind.
     pub(super) from_header: bool,
     /// Number of fields.
     fields: usize,

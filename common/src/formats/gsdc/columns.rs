@@ -5,7 +5,7 @@ use crate::formats::text::without_mark;
 /// Positions of the columns in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Columns {
-    /// Which generation.
+    /// The generation.
     pub(super) generation: Generation,
     required: [Option<usize>; Required::NAMES.len()],
     optional: [Option<usize>; Optional::NAMES.len()],
@@ -104,7 +104,7 @@ impl Columns {
     /// From the header's fields.
     ///
     /// # Errors
-    /// What is missing, in words.
+    /// A message with the missing columns.
     pub(super) fn find(header: &[&str]) -> Result<Self, String> {
         let header: Vec<&str> = header.iter().map(|name| name.trim_start_matches('\u{feff}')).collect();
         let missing = |generation: Generation| -> Vec<&'static str> {

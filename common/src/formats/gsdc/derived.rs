@@ -19,7 +19,7 @@ use crate::time::{GpsTime, SECONDS_PER_WEEK};
 
 /// An epoch is complete when a row this much later comes, s: rows need not be in order of time within this span.
 const REORDER_S: f64 = 60.0;
-/// So many epochs wait at most; of a minute at 10 Hz there are 600.
+/// Most epochs that wait; a minute at 10 Hz has 600.
 const MAX_OPEN: usize = 2_000;
 /// Times of one epoch, some of which went through a double, differ by less than this, s.
 const SAME_TIME_S: f64 = 1e-6;
@@ -34,7 +34,7 @@ const WRITTEN_ALIKE_S: f64 = 0.002_1;
 pub struct DerivedFile {
     /// Epochs, in time order.
     pub epochs: Vec<RecordedEpoch>,
-    /// What was skipped.
+    /// Counts of skipped rows.
     pub skips: Skips,
 }
 
@@ -42,7 +42,7 @@ impl DerivedFile {
     /// Reads a whole table.
     ///
     /// # Errors
-    /// When the first line is not the header of such a table; it says which columns are missing.
+    /// When the first line is not the header of such a table; the message names the missing columns.
     pub fn parse(bytes: &[u8]) -> Result<Self, WrongStream> {
         let mut decoder = DerivedDecoder::default();
         decoder.feed(bytes)?;
@@ -52,14 +52,14 @@ impl DerivedFile {
 }
 
 /// Decodes a table as a stream. As a [`Decoder`] it gives the raw observations; as an [`ObservationStream`] it
-/// has them with their corrections.
+/// also gives the corrections.
 #[derive(Clone, Debug, Default)]
 pub struct DerivedDecoder {
     lines: LineAssembly,
     state: Table,
     ready: VecDeque<RecordedEpoch>,
     last: Option<RecordedEpoch>,
-    /// What is added to times, s.
+    /// Addition to times, s.
     shift_s: f64,
     skips: Skips,
 }
@@ -67,7 +67,7 @@ pub struct DerivedDecoder {
 /// The table so far.
 #[derive(Clone, Debug, Default)]
 struct Table {
-    /// What is not used of tables that keep the columns of the phone's log.
+    /// Limits for tables that keep the columns of the phone's log.
     masks: Masks,
     /// Once the header was read.
     columns: Option<Result<Columns, WrongStream>>,
@@ -93,12 +93,12 @@ struct Open {
 }
 
 impl DerivedDecoder {
-    /// A decoder that leaves out what these masks take, of tables that keep the columns of the phone's log (since 2022).
+    /// A decoder with these masks, which apply to tables that keep the columns of the phone's log (since 2022).
     pub fn new(masks: Masks) -> Self {
         Self { state: Table { masks, ..Table::default() }, ..Self::default() }
     }
 
-    /// The same for a table whose week is wrong: so many weeks are added to its times.
+    /// The same for a table whose week is wrong: `weeks` are added to its times.
     #[must_use]
     pub fn with_shift(self, weeks: i64) -> Self {
         Self { shift_s: weeks as f64 * SECONDS_PER_WEEK, ..self }
@@ -246,7 +246,7 @@ impl Table {
         }
     }
 
-    /// Takes out the epochs that are complete; all of them at the end.
+    /// Takes out the epochs that are complete; all epochs at the end.
     fn complete(&mut self, ended: bool, ready: &mut VecDeque<RecordedEpoch>) {
         loop {
             let is_full = self.open.len() > MAX_OPEN;

@@ -10,7 +10,7 @@ use crate::formats::integer::integer;
 /// Highest time that a 64-bit count of nanoseconds since 1980 leaves room to calculate with.
 pub(super) const MAX_NANOS: i64 = i64::MAX / 2;
 
-/// Why a row gives nothing.
+/// Reason why a row gives no observation.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Fault {
     /// Reason to count under.

@@ -1,4 +1,4 @@
-//! Losses of lock, which the next phase of their signal tells.
+//! Losses of lock, with which the next phase of their signal is marked.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,7 @@ use crate::time::GpsTime;
 /// Losses that wait for their epoch at most; of a minute there are some thousand.
 const MAX_REFUSED: usize = 20_000;
 
-/// Losses of lock by rows that give no observation, and those that are not told yet.
+/// Losses of lock by rows that give no observation, and losses whose signal has had no phase since.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Losses {
     refused: BTreeSet<(GpsTime, SatelliteId, SignalCode)>,
@@ -19,8 +19,8 @@ pub(super) struct Losses {
 }
 
 impl Losses {
-    /// Takes that a row that is not used says that a lock was lost. Its time counts if it is not far ahead of the latest that is
-    /// believed, which stands in for it otherwise.
+    /// Takes a loss of lock by a row that is not used. Its time counts if it is not far ahead of the latest believed time;
+    /// otherwise that time counts.
     pub(super) fn note(
         &mut self,
         (satellite, signal): SignalKey,
@@ -35,7 +35,7 @@ impl Losses {
         }
     }
 
-    /// The same if it is so.
+    /// The same if `is_lost`.
     pub(super) fn note_if(
         &mut self,
         is_lost: bool,

@@ -1,5 +1,5 @@
-//! What the phone says about its own measurement. Tables since 2022 keep these columns of its log, and every row of it: the
-//! masks are those of the log.
+//! Masks by the phone's statements on its own measurement. Tables since 2022 keep these columns and every row of the log, so the
+//! log's masks apply.
 
 use super::columns::Optional;
 use super::fields::{Fault, Fields};

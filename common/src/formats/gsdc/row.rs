@@ -1,4 +1,4 @@
-//! One row: its fields to numbers, checked against what can be.
+//! One row: its fields as numbers, checked for plausibility.
 
 use super::columns::{Columns, Optional, Required};
 use super::fields::{Fault, Fields, MAX_NANOS, shorten};
@@ -22,8 +22,8 @@ use crate::time::GpsTime;
 
 /// Largest delay in the atmosphere, m.
 const MAX_DELAY_M: f64 = 500.0;
-/// Standard deviation of orbit and clock along the line of sight, m. The files do not carry the broadcast accuracy; this is what
-/// GPS and Galileo reached in those years.
+/// Standard deviation of orbit and clock along the line of sight, m. The files do not carry the broadcast accuracy; GPS and Galileo
+/// reached this in those years.
 const ORBIT_SIGMA_M: f64 = 0.5;
 /// Largest standard deviation of a pseudorange that a phone states, m, and the smallest that is believed.
 const CODE_SIGMA_BOUNDS_M: (f64, f64) = (0.1, 1e5);
@@ -38,9 +38,9 @@ pub(super) struct Row {
     pub(super) shift: Shift,
     /// The observation. That its lock was lost is noted whether or not there is a phase.
     pub(super) recorded: RecordedObservation,
-    /// Of a GLONASS satellite of which nothing else is known: its frequency channel.
+    /// Frequency channel of a GLONASS satellite of which only that is known.
     pub(super) channel_only: Option<i8>,
-    /// Why there are no corrections, if there are none.
+    /// Reason why there are no corrections, if there are none.
     pub(super) lack: Option<String>,
 }
 
@@ -64,8 +64,8 @@ pub(super) fn read(columns: &Columns, masks: &Masks, fields: &[&str]) -> Result<
     Ok(Row { time_gps, received_gps, shift, recorded, channel_only, lack })
 }
 
-/// The signal of a row that says that its lock was lost, and the row's time if it can be read, whatever else of it cannot be
-/// used. Of tables of 2021, which say nothing of locks, there is none.
+/// The signal of a row that tells a loss of lock, and the row's time if it can be read, even if other fields cannot be used.
+/// Tables of 2021 do not tell losses of lock.
 pub(super) fn lost_signal(columns: &Columns, fields: &[&str]) -> Option<(SignalKey, Option<GpsTime>)> {
     let fields = Fields { columns, fields };
     if !RangeState(fields.bits(Optional::DeltaRangeState)?).is_lock_lost() {
@@ -75,7 +75,7 @@ pub(super) fn lost_signal(columns: &Columns, fields: &[&str]) -> Option<(SignalK
     Some(((satellite, signal), fields.count(Required::Time, MAX_NANOS).ok().map(GpsTime::from_nanos)))
 }
 
-/// What a row names.
+/// Satellite and signal of a row.
 struct Names {
     satellite: SatelliteId,
     channel_only: Option<i8>,

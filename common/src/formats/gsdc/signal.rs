@@ -4,7 +4,7 @@ use crate::formats::android;
 use crate::formats::integer::integer;
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 
-/// How the names of bands begin, and the bands.
+/// Beginnings of the names of bands, and the bands.
 const BANDS: [(Constellation, &str, u8); 14] = [
     (Constellation::Gps, "L1", b'1'),
     (Constellation::Gps, "L5", b'5'),
@@ -23,7 +23,7 @@ const BANDS: [(Constellation, &str, u8); 14] = [
 ];
 
 /// The satellite of a constellation type and a number, both Android's, and the frequency channel of a GLONASS satellite of which
-/// nothing else is known. `None` for augmentation satellites and unknown types.
+/// only that is known. `None` for augmentation satellites and unknown types.
 pub(super) fn satellite(constellation: &str, number: &str) -> Option<(SatelliteId, Option<i8>)> {
     let (constellation, number) = (integer(constellation)?, integer(number)?);
     if let Some((satellite, channel)) = android::channel_only(constellation, number) {

@@ -1,4 +1,4 @@
-//! When the signals of a row came: its epoch against transmission and pseudorange.
+//! Time of arrival of a row's signals: its epoch, checked by transmission and pseudorange.
 
 use super::columns::{Generation, Required};
 use super::fields::{Fault, Fields, MAX_NANOS};
@@ -9,9 +9,9 @@ use crate::time::GpsTime;
 
 /// Epoch and arrival may differ by this much, s, in tables that give the epoch to the nanosecond.
 const MAX_TAG_ERROR_S: f64 = 0.1;
-/// What the cut to whole milliseconds changes at most, s.
+/// Largest change by the cut to whole milliseconds, s.
 const TAG_CUT_S: f64 = 0.001;
-/// Whole seconds that the epoch may be off, as it is where it is that of the next one, s.
+/// Largest error of an epoch in whole seconds, s: some rows have the next epoch's.
 const MAX_TAG_SHIFT_S: f64 = 2.0;
 
 /// By how much an epoch as it is written is later than the arrival of the signals.
@@ -23,7 +23,7 @@ pub(super) enum Shift {
     Irregular(f64),
 }
 
-/// When the signals of a row came.
+/// Times of a row.
 pub(super) struct Times {
     /// The epoch; rows belong together by it.
     pub(super) time_gps: GpsTime,

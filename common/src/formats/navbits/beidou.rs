@@ -24,7 +24,7 @@ const PIECES: usize = 10;
 const D1_PIECES: usize = 3;
 /// Page 2 of D2 has nothing but ionosphere terms: an ephemeris does without it.
 const D2_IONOSPHERE_PAGE: usize = 1;
-/// Pieces of D1 begin so many seconds after each other, and those of D2.
+/// Time between the beginnings of successive pieces of D1 and of D2, s.
 const D1_STEP_S: f64 = 6.0;
 const D2_STEP_S: f64 = 3.0;
 /// Words with data in a D1 subframe, and in a page of subframe 1 of D2, the rest of which is reserved.
@@ -49,8 +49,8 @@ struct Frame {
 
 impl BeidouAssembler {
     /// Takes a subframe: 40 bytes, ten words of 30 bits in four bytes each, of D2 if the satellite is geostationary and of D1
-    /// if not. `now` resolves the week; it may be days off. Gives the ephemeris that the subframe completes, if it is another
-    /// than the one given before.
+    /// if not. `now` resolves the week; it may be days off. Gives the ephemeris that the subframe completes, unless it equals
+    /// the last one given.
     ///
     /// # Errors
     /// When the subframe is damaged, or the ephemeris that it completes cannot be one.
@@ -80,7 +80,7 @@ impl BeidouAssembler {
     }
 }
 
-/// Place of a subframe among the pieces of its message; `None` of one that has no part in it.
+/// Place of a subframe among the pieces of its message; `None` if it carries no ephemeris.
 fn piece_index(data: &Data, satellite: SatelliteId) -> Result<Option<usize>, Refused> {
     let subframe = number(data);
     let geostationary = satellite.is_beidou_geostationary();
@@ -113,7 +113,7 @@ fn sent(data: &Data, satellite: SatelliteId, now: GpsTime) -> Result<GpsTime, Re
 }
 
 impl Frame {
-    /// Takes a piece of the message that began at `start`; of another message nothing is kept.
+    /// Takes a piece of the message that began at `start`, and drops the pieces of another message.
     fn put(&mut self, index: usize, data: Data, start: GpsTime) {
         if self.start != start {
             self.pieces = [None; PIECES];

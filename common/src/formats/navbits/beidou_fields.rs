@@ -1,7 +1,7 @@
 //! The numbers in BeiDou D1 and D2 (BDS-SIS-ICD-B1I 3.0, 5.2 and 5.3).
 //!
 //! Both messages cut the same numbers into pieces, in different order. Here the pieces' bits stand one after the other, so that no
-//! number is cut: 186, 186 and 185 bits of subframes 1 to 3 of D1, or what pages 1 to 10 of D2 carry, 557 in both cases.
+//! number is cut: 186, 186 and 185 bits of subframes 1 to 3 of D1, or the bits of pages 1 to 10 of D2, 557 in both cases.
 
 use super::beidou_words::Data;
 use crate::formats::bits::{angle, copy, number, positive, signed, unsigned};
@@ -17,11 +17,11 @@ type Parts = &'static [(usize, usize)];
 
 /// Subframes 1 to 3 of D1: all after SOW but the last bit, which is reserved.
 const D1_PARTS: Parts = &[(38, 186), (38, 186), (38, 185)];
-/// Pages 1 to 10 of subframe 1 of D2: after the page number, up to what is reserved.
+/// Pages 1 to 10 of subframe 1 of D2: from behind the page number to the reserved bits.
 const D2_PARTS: Parts =
     &[(42, 60), (42, 64), (80, 28), (42, 64), (42, 64), (42, 64), (42, 64), (42, 66), (42, 64), (42, 19)];
 
-/// Where the numbers that the two messages place differently begin.
+/// First bits of the numbers that the two messages place differently.
 struct Places {
     af0: usize,
     af1: usize,

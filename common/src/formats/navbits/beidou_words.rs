@@ -8,7 +8,7 @@ use super::{ReceiverCheck, Refused, refused};
 use crate::formats::bits::{copy, unsigned};
 use crate::skips::Reason;
 
-/// What every subframe begins with, and how many bits that is.
+/// The preamble, and its number of bits.
 const PREAMBLE: (u32, u32) = (0x712, 11);
 /// X⁴ + X + 1.
 const GENERATOR: u32 = 0b1_0011;
@@ -22,7 +22,7 @@ pub(super) type Data = [u8; 28];
 
 /// Reads a subframe of whose words the first `used` have data; the check bits of the others do not matter. Receivers give
 /// words as they are sent, or with the blocks taken apart: data bits in order, then the check bits of the first block and
-/// those of the second. Which of both is recognised by the code.
+/// those of the second. The code tells which of the two it is.
 pub(super) fn data(bytes: &[u8], used: usize, receiver: ReceiverCheck) -> Result<Data, Refused> {
     let Some(bytes) = bytes.first_chunk::<SUBFRAME_BYTES>().filter(|_| bytes.len() == SUBFRAME_BYTES) else {
         let detail = format!("{} bytes, {SUBFRAME_BYTES} expected", bytes.len());

@@ -24,8 +24,8 @@ pub struct FnavAssembler {
 }
 
 impl FnavAssembler {
-    /// Takes a page of 30 bytes. `now` resolves the week; it may be days off. Gives the ephemeris that the page completes, if
-    /// it is another than the one given before. F/NAV does not carry BGD E1-E5b, which is NaN then.
+    /// Takes a page of 30 bytes. `now` resolves the week; it may be days off. Gives the ephemeris that the page completes, unless
+    /// it equals the last one given. F/NAV does not carry BGD E1-E5b, which is NaN then.
     ///
     /// # Errors
     /// When the page is damaged, or the ephemeris that it completes cannot be one.

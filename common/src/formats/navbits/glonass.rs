@@ -19,7 +19,7 @@ use crate::time::GpsTime;
 /// Strings in a frame, and those of the ephemeris.
 const STRINGS: u64 = 15;
 const PIECES: usize = 4;
-/// A frame takes so long, s.
+/// Duration of a frame, s.
 const FRAME_S: f64 = 30.0;
 /// t_b counts quarters of an hour of the Moscow day.
 const MILLIS_PER_INTERVAL: i64 = 900_000;
@@ -31,21 +31,21 @@ const MAX_AGE_S: f64 = 86_400.0;
 /// Δτ_n of all ones is "minus zero", which says that it is unknown.
 const UNKNOWN_L2_DELAY: u64 = 0b1_0000;
 
-/// How a phone names a GLONASS satellite.
+/// A phone's name of a GLONASS satellite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum GlonassName {
-    /// By its slot.
+    /// The slot.
     Slot(u8),
-    /// By its frequency channel, −7 to 6, while it does not know the slot. The message says it.
+    /// The frequency channel, −7 to 6, while the phone does not know the slot. The message carries the slot.
     Channel(i8),
 }
 
-/// What a phone says about a string.
+/// A phone's statements about a string.
 #[derive(Clone, Copy, Debug)]
 pub struct GlonassLabel {
     /// The satellite.
     pub name: GlonassName,
-    /// Number of the frame, 1 to 5, or whatever the phone gives for it.
+    /// Number of the frame as the phone gives it, usually 1 to 5.
     pub frame: i64,
     /// Number of the string in the frame; `None` if the phone does not say it.
     pub string: Option<u8>,
@@ -53,7 +53,7 @@ pub struct GlonassLabel {
     pub receiver: ReceiverCheck,
 }
 
-/// When strings came.
+/// Time of reception of strings.
 #[derive(Clone, Copy, Debug)]
 pub struct GlonassClock {
     /// An instant near the strings' reception. The day of a GLONASS-M's message may differ from it.
@@ -62,7 +62,7 @@ pub struct GlonassClock {
     pub leap_seconds: i64,
 }
 
-/// A GLONASS ephemeris but for the frequency channel, which the message does not say.
+/// A GLONASS ephemeris without the frequency channel, which the message does not carry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GlonassMessage {
     with_channel_0: GlonassEphemeris,
@@ -97,7 +97,7 @@ pub struct GlonassAssembler {
 #[derive(Clone, Debug, Default)]
 struct Frame {
     number: i64,
-    /// When the first string of it came that came at all.
+    /// Reception of the first string that has come.
     began: GpsTime,
     last: Option<GlonassString>,
     strings: [Option<GlonassString>; PIECES],
@@ -105,7 +105,7 @@ struct Frame {
 }
 
 impl GlonassAssembler {
-    /// Takes a string: 11 bytes. Gives the message that it completes, if it is another than the one given before.
+    /// Takes a string: 11 bytes. Gives the message that it completes, unless it equals the last one given.
     ///
     /// # Errors
     /// When the string is damaged, or the message that it completes cannot be one.
@@ -138,7 +138,7 @@ impl std::fmt::Display for GlonassName {
 }
 
 impl Frame {
-    /// Takes a string; of another frame nothing is kept.
+    /// Takes a string, and drops the strings of another frame.
     fn put(&mut self, number: i64, string: GlonassString, now: GpsTime) {
         let follows = self.last.is_some_and(|last| last.number() < string.number() || last == string);
         if number != self.number || !follows || (now - self.began).abs() >= FRAME_S {
@@ -207,7 +207,7 @@ fn message(
     Ok(GlonassMessage { with_channel_0, channel })
 }
 
-/// The slot: as the phone knows it, else as a GLONASS-M says it.
+/// The slot by the phone, else by the message of a GLONASS-M.
 fn slot(name: GlonassName, four: &GlonassString, is_modern: bool) -> Result<u8, Refused> {
     let said = u8::try_from(four.field(15, 11)).ok().filter(|slot| is_modern && *slot != 0);
     match (name, said) {

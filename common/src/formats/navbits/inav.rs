@@ -18,8 +18,8 @@ pub struct InavAssembler {
 
 impl InavAssembler {
     /// Takes a page: 29 bytes, the even half and the odd one of 114 bits each, without synchronisation and tail bits.
-    /// `now` resolves the week; it may be days off. Gives the ephemeris that the page completes, if it is another than the
-    /// one given before.
+    /// `now` resolves the week; it may be days off. Gives the ephemeris that the page completes, unless it equals the last one
+    /// given.
     ///
     /// # Errors
     /// When the page is damaged, or the ephemeris that it completes cannot be one.

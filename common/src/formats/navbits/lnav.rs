@@ -41,7 +41,7 @@ struct Subframe {
 
 impl LnavAssembler {
     /// Takes a subframe: 40 bytes, ten words of 30 bits in four bytes each. `now` resolves the week; it may be days off.
-    /// Gives the ephemeris that the subframe completes, if it is another than the one given before.
+    /// Gives the ephemeris that the subframe completes, unless it equals the last one given.
     ///
     /// # Errors
     /// When the subframe is damaged, or the ephemeris that it completes cannot be one.

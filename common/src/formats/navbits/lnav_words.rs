@@ -4,7 +4,7 @@ use super::words::{SUBFRAME_BYTES, upright};
 use super::{ReceiverCheck, Refused, refused};
 use crate::skips::Reason;
 
-/// What every subframe begins with, and how many bits that is.
+/// The preamble, and its number of bits.
 const PREAMBLE: (u32, u32) = (0x8b, 8);
 
 /// Which of the bits d1 to d24 enter each parity bit, D25 to D30 (IS-GPS-200, table 20-XIV), d1 as the highest of 24 bits.
@@ -93,7 +93,7 @@ fn meant_after(words: &[u32; 10], last: u32) -> Option<Data> {
     Some(out.data)
 }
 
-/// No parity bits, and a receiver that vouches for the rest.
+/// Whether the receiver has blanked all parity bits and vouches for the data bits.
 fn blanked(words: &[u32; 10], receiver: ReceiverCheck) -> Option<Data> {
     if receiver != ReceiverCheck::Passed || words.iter().any(|word| word & 0x3f != 0) {
         return None;

@@ -2,8 +2,8 @@
 //!
 //! A receiver gives the messages in pieces (subframes, pages, strings), with gaps. The assemblers here keep the pieces of each
 //! satellite and give an ephemeris when all of its pieces have come and belong together: they carry the same issue of data, or,
-//! where a piece does not say it, follow each other in time. Check bits only detect errors, for a damaged piece comes again; they
-//! are checked where they are there. What is absurd is refused with the value and the limit.
+//! where a piece does not carry it, follow each other in time. Check bits, where a piece has them, only detect errors, for a damaged
+//! piece is sent again. Impossible values are refused with the value and the limit.
 
 mod beidou;
 mod beidou_fields;
@@ -36,21 +36,21 @@ use crate::skips::Reason;
 pub struct Refused {
     /// The reason, to count under.
     pub reason: Reason,
-    /// The facts.
+    /// Satellite and values.
     pub detail: String,
 }
 
-/// What the receiver says about a piece of a message.
+/// The receiver's own check of a piece of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReceiverCheck {
     /// Parity or CRC was right, or was made right. A piece whose check bits the receiver has blanked is then believed.
     Passed,
-    /// Nothing: only our own check counts.
+    /// No statement: only the check here counts.
     Unknown,
 }
 
 impl Refused {
-    /// The same with the name of whose piece it is.
+    /// The same with the satellite's name in front of the detail.
     fn of(self, name: impl std::fmt::Display) -> Self {
         Self { detail: format!("{name}: {}", self.detail), ..self }
     }
@@ -71,7 +71,7 @@ fn check_references(satellite: SatelliteId, toe_s: f64, toc_s: f64) -> Result<()
     check.map_err(|value| impossible(satellite, &value))
 }
 
-/// The ephemeris that a satellite's pieces make, if it is another than the one given before.
+/// The ephemeris of a satellite's pieces, unless it equals the last one given.
 ///
 /// # Errors
 /// When it cannot be one.

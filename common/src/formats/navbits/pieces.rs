@@ -1,4 +1,4 @@
-//! The pieces of messages that number them.
+//! Assembly of messages whose pieces carry a number.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ struct OfSatellite<P, const N: usize> {
 }
 
 impl<P: Copy, const N: usize> Pieces<P, N> {
-    /// Takes a piece by its number. When no piece is missing, gives them all, and the place of the ephemeris that was given last.
+    /// Takes a piece by its number. When no piece is missing, gives all pieces and the place of the ephemeris that was given last.
     pub(super) fn put(
         &mut self,
         satellite: SatelliteId,

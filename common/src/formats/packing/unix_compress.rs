@@ -17,7 +17,7 @@ const CLEAR: u16 = 256;
 const WIDTH_MASK: u8 = 0x1f;
 const BLOCK_MODE: u8 = 0x80;
 
-/// Expands what `compress` packed, in bounded memory.
+/// Expands data packed by `compress`, in bounded memory.
 #[derive(Debug)]
 pub(super) struct UnixCompress<R> {
     inner: R,
@@ -33,7 +33,7 @@ pub(super) struct UnixCompress<R> {
     previous: Option<u16>,
     /// Expanded bytes of one code, last first.
     expanded: Vec<u8>,
-    /// Why it cannot go on.
+    /// Damage at which expansion ended.
     damage: Option<String>,
 }
 
@@ -176,7 +176,7 @@ impl<R: Read> Read for UnixCompress<R> {
                     Err(error) => {
                         self.expanded.clear();
                         self.damage = Some(error.to_string());
-                        // What came out before the damage is given first.
+                        // Bytes before the damage are given first.
                         return if count > 0 { Ok(count) } else { Err(error) };
                     }
                 }

@@ -11,15 +11,15 @@ use super::quantiles::{Quantiles, Typical};
 /// The phone's own positions from one provider.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FixReport {
-    /// Where they came from: `gnss`, `fused`, `network` or `other`.
+    /// The provider: `gnss`, `fused`, `network` or `other`.
     pub provider: &'static str,
-    /// How many.
+    /// Number of positions.
     pub count: u64,
-    /// The earliest, GPS time.
+    /// Time of the earliest position, GPS time.
     pub first_gps: String,
-    /// The latest, GPS time.
+    /// Time of the latest position, GPS time.
     pub last_gps: String,
-    /// Seconds between them.
+    /// Time from the earliest to the latest position, s.
     pub span_s: f64,
     /// Horizontal accuracy (68 %) as the phone states it, m.
     pub accuracy_m: Option<Typical>,

@@ -1,6 +1,5 @@
-//! What a phone says of itself in its log, beside its measurements: its own positions (`Fix` lines), and which signals it
-//! receives and uses (`Status` lines). Nothing of it is used in processing; it is told, in bounded memory, so that it can be
-//! held against what comes of the measurements.
+//! A phone's own positions (`Fix` lines) and the signals that it receives and uses (`Status` lines), counted in bounded memory.
+//! Processing does not use them; they can be compared with the results of the measurements.
 
 mod fixes;
 mod quantiles;
@@ -16,24 +15,24 @@ pub use fixes::FixReport;
 pub use quantiles::{Quantiles, Typical};
 pub use statuses::{LatestDirections, StatusReport, SystemStatus};
 
-/// Counts what the phone says.
+/// Counts positions and states of signals.
 #[derive(Clone, Debug, Default)]
 pub struct PhoneTally {
     fixes: BTreeMap<FixProvider, fixes::Tally>,
     statuses: statuses::Tally,
 }
 
-/// What the phone said.
+/// Counts of positions and states of signals.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PhoneReport {
-    /// Its own positions, by where they came from.
+    /// The phone's own positions by provider.
     pub fixes: Vec<FixReport>,
-    /// What it did with signals, when it said so.
+    /// Reception and use of signals, if the log tells.
     pub status: Option<StatusReport>,
 }
 
 impl PhoneTally {
-    /// Takes what has come out of a decoder.
+    /// Takes positions and states of signals from a decoder.
     pub(crate) fn take(&mut self, fixes: Vec<Fix>, statuses: Vec<SignalStatus>) {
         for fix in fixes {
             self.fixes.entry(fix.provider).or_default().add(&fix);
@@ -43,12 +42,12 @@ impl PhoneTally {
         }
     }
 
-    /// Where the phone last said that satellites are.
+    /// Directions of satellites by the phone's last report.
     pub const fn directions(&self) -> &LatestDirections {
         self.statuses.directions()
     }
 
-    /// What it said; `None` when it said nothing.
+    /// The counts; `None` when there are none.
     pub fn report(&self) -> Option<PhoneReport> {
         let fixes: Vec<_> = self.fixes.iter().map(|(provider, tally)| tally.report(*provider)).collect();
         let status = self.statuses.report();

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-/// Values below the first, and what is no number, count as zero; those above the last as the last.
+/// Values below the first and NaN count as zero; those above the last as the last.
 const LIMITS: (f64, f64) = (1e-6, 1e9);
 
 /// Counts values to three significant digits, which are 13,500 different ones at most.
@@ -15,28 +15,28 @@ pub struct Quantiles {
     total: u64,
 }
 
-/// A median and what nine of ten values do not exceed.
+/// A median and the 90th percentile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Typical {
-    /// Half of the values are not larger.
+    /// Median.
     pub median: f64,
-    /// Nine tenths are not larger.
+    /// 90th percentile.
     pub p90: f64,
 }
 
 impl Quantiles {
-    /// Counts a value, of which the size counts.
+    /// Counts the magnitude of a value.
     pub fn add(&mut self, value: f64) {
         self.total += 1;
         *self.counts.entry(digits(value)).or_default() += 1;
     }
 
-    /// How many values.
+    /// Number of values.
     pub const fn count(&self) -> u64 {
         self.total
     }
 
-    /// Median and nine tenths; `None` without values.
+    /// Median and 90th percentile; `None` without values.
     pub fn typical(&self) -> Option<Typical> {
         Some(Typical { median: self.at(0.5)?, p90: self.at(0.9)? })
     }

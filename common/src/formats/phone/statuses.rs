@@ -1,4 +1,4 @@
-//! What the phone does with signals.
+//! Signals that the phone receives and uses.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -9,16 +9,16 @@ use crate::gnss::{Constellation, SatelliteId};
 use crate::time::GpsTime;
 use serde::Serialize;
 
-/// What the phone did with signals.
+/// Reception and use of signals.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StatusReport {
-    /// How often it said so: reports, of one line per signal.
+    /// Number of reports, each of one line per signal.
     pub reports: u64,
     /// By system.
     pub systems: Vec<SystemStatus>,
 }
 
-/// What the phone did with one system's signals, in the mean over all reports.
+/// Reception and use of one system's signals, mean numbers over all reports.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SystemStatus {
     /// RINEX letter.
@@ -27,21 +27,21 @@ pub struct SystemStatus {
     pub satellites: usize,
     /// Signals in a report, received or not.
     pub listed: f64,
-    /// Of them received, that is with a C/N0,
+    /// Signals received, that is with a C/N0.
     pub received: f64,
-    /// used in the phone's position,
+    /// Signals used in the phone's position.
     pub used_in_fix: f64,
-    /// of satellites whose ephemeris the phone has.
+    /// Signals of satellites whose ephemeris the phone has.
     pub with_ephemeris: f64,
 }
 
-/// Where the phone said in its last report that satellites are.
+/// Directions of satellites by the phone's last report.
 #[derive(Clone, Debug, Default)]
 pub struct LatestDirections {
     report: u64,
     /// The last epoch before the report.
     pub after_epoch: Option<GpsTime>,
-    /// Directions, of those that the phone knows.
+    /// The directions that the phone knows.
     pub by_satellite: BTreeMap<SatelliteId, Direction>,
 }
 

@@ -1,4 +1,4 @@
-//! Values and text as differences to the ones before (Hatanaka 2008).
+//! Values and text as differences from their predecessors (Hatanaka 2008).
 
 use crate::skips::Reason;
 
@@ -73,7 +73,7 @@ fn number(field: &[u8]) -> Result<i64, Reason> {
     std::str::from_utf8(field).ok().and_then(|text| text.parse().ok()).ok_or(Reason::HatanakaValueUnreadable)
 }
 
-/// Applies a difference of text: a blank keeps what was there, `&` makes a blank, anything else replaces.
+/// Applies a difference of text: a blank keeps the character, `&` makes it a blank, any other character replaces it.
 pub(super) fn change_text(text: &mut Vec<u8>, difference: &[u8]) {
     if text.len() < difference.len() {
         text.resize(difference.len(), b' ');

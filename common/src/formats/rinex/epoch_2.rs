@@ -13,7 +13,7 @@ const VALUES_PER_LINE: usize = 5;
 /// Columns of a value with its two indicators.
 const VALUE_COLUMNS: usize = 16;
 
-/// The list of an epoch's satellites, and the lines of the one that is being read.
+/// The list of an epoch's satellites, and the lines of the present satellite.
 #[derive(Clone, Debug)]
 pub(super) struct Listed {
     satellites: Vec<[u8; 3]>,
@@ -91,7 +91,7 @@ pub(super) const fn lines_of_epoch(satellites: usize, types: usize) -> usize {
     continued + satellites * lines_per_satellite(types)
 }
 
-/// Whether a line is an epoch line. Values have their decimal points elsewhere, so that one of them cannot be taken
+/// Whether a line is an epoch line. Values have their decimal points elsewhere, so that a line of values cannot be taken
 /// for it.
 pub(super) fn is_epoch_line(line: &[u8]) -> bool {
     let flag = columns(line, 26, 29);

@@ -4,7 +4,7 @@ use crate::formats::decimal::{calendar, year};
 use crate::formats::text::columns;
 use crate::time::GpsTime;
 
-/// How many columns too far to the left a line's text is: some writers leave out the blank after `>`.
+/// Number of columns by which a line's text is too far to the left: some writers leave out the blank after `>`.
 pub(super) fn columns_missing(line: &[u8]) -> usize {
     usize::from(line.get(1).is_some_and(u8::is_ascii_digit))
 }

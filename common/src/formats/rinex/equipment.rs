@@ -1,4 +1,4 @@
-//! What a recording was made with and by whom: header lines that position no one and that files should keep.
+//! Receiver, antenna and people of a recording, by its header lines. Positioning does not use them; files should keep them.
 
 use crate::formats::decimal::real;
 use crate::formats::text::{columns, text};
@@ -49,7 +49,7 @@ impl Equipment {
         }
     }
 
-    /// Takes from another what is not known here.
+    /// Fills unknown entries from another.
     pub fn fill(&mut self, other: &Self) {
         let pairs = [
             (&mut self.marker_number, &other.marker_number),

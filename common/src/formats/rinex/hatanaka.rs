@@ -35,7 +35,7 @@ pub(super) struct Hatanaka {
     now: BTreeMap<[u8; 3], Track>,
 }
 
-/// Which of the two formats.
+/// The two formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
     /// Compact RINEX 1, of RINEX 2.
@@ -49,13 +49,13 @@ enum Expected {
     Epoch,
     Clock,
     Satellite(usize),
-    /// So many lines of an event, which are plain.
+    /// This many lines of an event, which are plain.
     Event(usize),
     /// An epoch line that starts anew.
     Restart,
 }
 
-/// What is known of one satellite.
+/// Differences of one satellite.
 #[derive(Clone, Debug, Default)]
 struct Track {
     arcs: Vec<Arc>,
@@ -103,7 +103,7 @@ impl Hatanaka {
         }
     }
 
-    /// Takes a line after the header and appends what it is in RINEX to `out`, each line with its end. `types` gives
+    /// Takes a line after the header and appends the lines of RINEX that it stands for to `out`, with their ends. `types` gives
     /// the number of observation types of a satellite.
     pub(super) fn line(
         &mut self,

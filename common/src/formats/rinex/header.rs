@@ -37,7 +37,7 @@ pub struct ObservationHeader {
     /// The time system as written (GPS, GAL, BDT, …); empty when not stated: then the time of
     /// the file's one system, GPS time for a mixed file.
     pub time_system: String,
-    /// Columns per system, in file order, with the codes as the file writes them. What they mean depends on the version.
+    /// Columns per system, in file order, with the codes as the file writes them. Their meaning depends on the version.
     pub observation_types: BTreeMap<Constellation, Vec<ObservationType>>,
     /// GLONASS frequency channels by slot.
     pub glonass_channels: BTreeMap<u8, i8>,
@@ -67,7 +67,7 @@ pub(super) struct HeaderBuilder {
     continued: Option<(Constellation, usize)>,
     scaled: Option<Scaled>,
     first_observation_own: Option<GpsTime>,
-    /// What is to be said about the header: reason and facts.
+    /// Remarks on the header: reason and facts.
     remarks: Vec<(Reason, String)>,
 }
 
@@ -89,7 +89,7 @@ impl HeaderBuilder {
         self.lines
     }
 
-    /// What is to be said about the header: reason and facts.
+    /// Takes out the remarks on the header: reason and facts.
     pub(super) fn take_remarks(&mut self) -> Vec<(Reason, String)> {
         std::mem::take(&mut self.remarks)
     }
@@ -109,7 +109,7 @@ impl HeaderBuilder {
         }
     }
 
-    /// Where the header says that the file begins.
+    /// Beginning of the file by the header.
     pub(super) const fn stated_beginning(&self) -> Option<GpsTime> {
         self.header.first_observation
     }
@@ -176,7 +176,7 @@ impl HeaderBuilder {
         self.line(number, line).map(|_| ())
     }
 
-    /// Takes a line of any label; the error is the label of one that is needed and cannot be read.
+    /// Takes a line of any label; the error is the label of a needed line that cannot be read.
     fn record(&mut self, line: &[u8], label: &[u8]) -> Result<(), &'static str> {
         match label {
             b"MARKER NAME" => self.header.marker_name = text(columns(line, 0, 60)),
@@ -202,7 +202,7 @@ impl HeaderBuilder {
         Ok(())
     }
 
-    /// Checks what the whole file depends on, and settles the time system.
+    /// Checks that there are observation types, and settles the time system.
     pub(super) fn complete(&mut self) -> Result<(), RinexError> {
         if self.header.observation_types.values().all(Vec::is_empty) {
             return Err(RinexError::NoObservationTypes);

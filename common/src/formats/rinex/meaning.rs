@@ -1,4 +1,4 @@
-//! What an observation code means by the version of its file.
+//! The signal of an observation code by the version of its file.
 
 use super::types::{ObservationKind, ObservationType};
 use crate::gnss::{Constellation, SignalCode};
@@ -9,7 +9,7 @@ const B1I_ON_BAND_1: u16 = 302;
 /// RINEX 3.04, which gave BeiDou's band 1 to B1C.
 const B1C_ON_BAND_1: u16 = 304;
 
-/// What a code means.
+/// Signal of a code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Meaning {
     /// The signal.
@@ -20,7 +20,7 @@ pub(super) struct Meaning {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Remark {
-    /// There is nothing to say.
+    /// No remark.
     None,
     /// It is taken for the signal, for this reason.
     Taken(Reason),

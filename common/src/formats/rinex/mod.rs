@@ -57,9 +57,9 @@ pub enum RinexError {
     /// A RINEX file of another kind.
     #[error("this is a RINEX file of type '{found}'; one of type {expected} is needed")]
     WrongType {
-        /// What is needed.
+        /// The needed kind.
         expected: &'static str,
-        /// What the header says.
+        /// The type in the header.
         found: String,
     },
     /// A version that is not read here.
@@ -67,7 +67,7 @@ pub enum RinexError {
         "RINEX version {found} is not supported; versions 2.00 to 2.12, 3.00 to 3.05 and 4.00 to 4.02 are"
     )]
     Version {
-        /// What the header says.
+        /// The version in the header.
         found: String,
     },
     /// A Compact RINEX version that is not read here.
@@ -98,7 +98,7 @@ pub enum RinexError {
     /// A time system that is not known.
     #[error("time system '{found}' in TIME OF FIRST OBS is not known; {names} are", names = TimeSystem::NAMES)]
     TimeSystem {
-        /// What the header says.
+        /// The name in the header.
         found: String,
     },
     /// The compressed file is damaged or too large.

@@ -31,7 +31,7 @@ pub struct NavigationDecoder {
     stream: Stream,
 }
 
-/// What the record is by the type line of RINEX 4; of RINEX 2 and 3 always an ephemeris.
+/// Kind of the record by the type line of RINEX 4; in RINEX 2 and 3 always an ephemeris.
 #[derive(Clone, Debug, Default)]
 enum Kind {
     #[default]
@@ -63,7 +63,7 @@ impl NavigationDecoder {
         self.header.leap_seconds
     }
 
-    /// What has been skipped so far.
+    /// Counts of skipped records so far.
     pub const fn skips(&self) -> &Skips {
         &self.skips
     }
@@ -102,7 +102,7 @@ impl NavigationDecoder {
         Ok(found)
     }
 
-    /// A file that is joined to the one before has a header of its own.
+    /// A file that is joined to another has a header of its own.
     fn begin_again(&mut self, number: u64, line: &[u8]) {
         self.skips.add(Reason::AnotherHeaderHolds, || format!("line {number}: '{}'", shorten(line)));
         match self.header.begin_again(number, line) {
@@ -239,7 +239,7 @@ impl LineDecoder for NavigationDecoder {
     }
 }
 
-/// What a type line of RINEX 4 announces: `> EPH G01 LNAV`, `> ION G01 LNAV`.
+/// The kind that a type line of RINEX 4 announces: `> EPH G01 LNAV`, `> ION G01 LNAV`.
 fn type_line(line: &[u8]) -> Kind {
     let mut words = line.split(|b| *b == b' ').filter(|word| !word.is_empty()).skip(1);
     let (kind, source) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());

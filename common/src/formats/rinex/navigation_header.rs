@@ -8,10 +8,10 @@ use crate::formats::decimal::real;
 use crate::formats::text::columns;
 use crate::orbit::IonosphereTerms;
 
-/// Which files these are, for messages.
+/// Name of the kind of files, for messages.
 const NAVIGATION: &str = "navigation";
 
-/// What the header gives, and the ionosphere records of RINEX 4.
+/// Entries of the header, and of the ionosphere records of RINEX 4.
 #[derive(Clone, Debug, Default)]
 pub(super) struct NavigationHeader {
     /// Version and type.

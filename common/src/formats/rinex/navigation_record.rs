@@ -131,7 +131,7 @@ impl Record {
         })
     }
 
-    /// A number that must be there, and within bounds for what is made of it.
+    /// A number that must be there and within bounds.
     fn between(&self, index: usize, name: &'static str, low: f64, high: f64) -> Result<f64, Fault> {
         let value = self.number(index, name)?;
         within(name, value, low..=high)?;

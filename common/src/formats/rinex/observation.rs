@@ -51,7 +51,7 @@ pub struct ObservationDecoder {
     stream: Stream,
 }
 
-/// What the next line is expected to be.
+/// The expected next line.
 #[derive(Clone, Debug, Default)]
 enum State {
     #[default]
@@ -62,18 +62,18 @@ enum State {
     Epoch(PendingEpoch),
     /// A line of the event.
     Event(PendingEvent),
-    /// Lines of an epoch that is not wanted; up to so many.
+    /// At most this many lines of an epoch that is not used.
     Skip(usize),
     /// Anything up to the next epoch line.
     Lost,
 }
 
-/// Takes what a line completes.
+/// Takes the records that a line completes.
 type Take<'a> = &'a mut dyn FnMut(Record);
 
 impl ObservationDecoder {
-    /// Takes a line (with or without its line end) and hands over what it completes: epochs, and events between them.
-    /// They are complete with their last announced line; one that is cut short by the next epoch line is given then.
+    /// Takes a line (with or without its line end) and hands over the epochs and events that it completes.
+    /// A record is complete with its last announced line, or, cut short, with the next epoch line.
     ///
     /// # Errors
     /// Only in the header: when it is not that of an observation file, or cannot be used.
@@ -92,7 +92,7 @@ impl ObservationDecoder {
         self.compact_line(number, line, take)
     }
 
-    /// A file that is joined to the one before has a header of its own, which holds from there on.
+    /// A file that is joined to another has a header of its own, which holds from there on.
     fn begin_again(&mut self, number: u64, line: &[u8], take: Take<'_>) {
         self.cut_short(take);
         self.skips.add(Reason::AnotherHeaderHolds, || format!("line {number}: '{}'", shorten(line)));
@@ -151,7 +151,7 @@ impl ObservationDecoder {
         Ok(())
     }
 
-    /// Of the first header an error is that of the file; of another it costs what follows.
+    /// An error in the first header is an error of the file; one in a further header costs the records that follow.
     fn line_of_header(&mut self, number: u64, line: &[u8]) -> Result<(), RinexError> {
         match self.take_line_of_header(number, line) {
             Err(error) if self.builder.first().is_some() => {
@@ -207,7 +207,7 @@ impl ObservationDecoder {
         self.builder.first()
     }
 
-    /// The header with what events changed in it, once complete.
+    /// The header with the changes by events, once complete.
     pub const fn header(&self) -> Option<&ObservationHeader> {
         match self.state {
             State::Header => None,
@@ -215,7 +215,7 @@ impl ObservationDecoder {
         }
     }
 
-    /// What has been skipped so far.
+    /// Counts of skipped records so far.
     pub const fn skips(&self) -> &Skips {
         &self.skips
     }

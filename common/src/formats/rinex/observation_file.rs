@@ -10,13 +10,13 @@ use crate::skips::Skips;
 /// A whole observation file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObservationFile {
-    /// The header, with what events changed in it.
+    /// The header, with the changes by events.
     pub header: ObservationHeader,
     /// Epochs, in time order.
     pub epochs: Vec<ObservationEpoch>,
-    /// What happened between them, in the file's order: each with the number of epochs before it.
+    /// Events between epochs, in the file's order: each with the number of epochs before it.
     pub events: Vec<(usize, Event)>,
-    /// What was skipped.
+    /// Counts of skipped records.
     pub skips: Skips,
 }
 

@@ -18,7 +18,7 @@ const SYSTEMS: usize = 7;
 /// BeiDou has a layout for each of its generations: the other one comes after those of the systems.
 const LAYOUTS: usize = SYSTEMS + 1;
 
-/// A column: which of the system's signals, what it holds, and the divisor of its thousandths.
+/// A column: index of its signal, its quantity, and the divisor of its thousandths.
 #[derive(Clone, Copy, Debug)]
 struct Column {
     signal: usize,
@@ -47,11 +47,11 @@ struct Layout {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layouts {
     layouts: [Layout; LAYOUTS],
-    /// Codes that are taken for what their version does not call so, with the reason.
+    /// Codes that are read as another signal's than in the file's version, with the reason.
     taken: Vec<(Reason, String)>,
 }
 
-/// What was seen of an epoch so far.
+/// Satellites and misnamed signals of an epoch so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Seen {
     satellites: [u128; SYSTEMS],
@@ -119,7 +119,7 @@ impl Layouts {
         layouts
     }
 
-    /// Counts the codes that are taken for what their version does not call so, unless those before were the same.
+    /// Counts the codes that are read as another signal's than in the file's version, unless `before` had the same.
     pub(super) fn count_taken(&self, before: &Self, skips: &mut Skips) {
         if self.taken != before.taken {
             for (reason, description) in &self.taken {
@@ -254,7 +254,7 @@ impl Record<'_> {
         }
     }
 
-    /// Removes what has no value and what is refused from `base` on, keeping the order.
+    /// Removes observations from `base` on that have no value or are refused, keeping the order.
     fn keep(&mut self, layout: &Layout, observations: &mut Vec<Observation>, base: usize) {
         let mut kept = base;
         for (index, signal) in (base..).zip(&layout.signals) {

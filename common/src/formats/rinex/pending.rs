@@ -26,7 +26,7 @@ pub(super) struct PendingEpoch {
     listed: Option<Box<Listed>>,
 }
 
-/// What the satellites' lines hold.
+/// Content of the satellites' lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Content {
     Observations(GpsTime, EpochFlag),
@@ -35,7 +35,7 @@ pub(super) enum Content {
 }
 
 impl PendingEpoch {
-    /// With room for so many observations.
+    /// With room for `room` observations.
     pub(super) fn new(
         content: Content,
         (line, announced): (u64, usize),
@@ -76,7 +76,7 @@ impl PendingEpoch {
         self.remaining == 0
     }
 
-    /// What has come of it.
+    /// The record of the lines that have come.
     pub(super) fn done(self, skips: &mut Skips) -> Record {
         let time_gps = match self.content {
             Content::Observations(time_gps, flag) => {
@@ -104,7 +104,7 @@ impl PendingEpoch {
         Record::Event(Box::new(event))
     }
 
-    /// How much of it has come.
+    /// Line, time and number of satellites so far.
     pub(super) fn shortage(&self) -> String {
         let got = self.announced - self.remaining;
         let time = match self.content {
@@ -152,14 +152,14 @@ impl PendingEvent {
         Record::Event(Box::new(self.event))
     }
 
-    /// How much of it has come.
+    /// Line, kind and number of lines so far.
     pub(super) fn shortage(&self) -> String {
         let got = self.event.lines.len();
         format!("line {}: {}: {got} of {} lines", self.line, self.event.kind, self.announced)
     }
 }
 
-/// A line as text. What is no text becomes a question mark, byte by byte, so that columns stay where they are.
+/// A line as text. Each byte that is no text becomes a question mark, so that columns stay where they are.
 fn printable(line: &[u8]) -> String {
     let of_byte = |byte: &u8| if byte.is_ascii() { char::from(*byte) } else { '?' };
     let text = match std::str::from_utf8(line) {

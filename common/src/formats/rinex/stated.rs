@@ -1,4 +1,4 @@
-//! What a RINEX stream states beside its records.
+//! Statements of a RINEX stream beside its records.
 
 use std::collections::BTreeMap;
 

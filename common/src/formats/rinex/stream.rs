@@ -12,7 +12,7 @@ const MAX_LINE_BYTES: usize = 16_384;
 
 pub(super) type Line<'a> = lines::Line<'a, MAX_LINE_BYTES>;
 
-/// What a decoder of lines needs to be one of a stream.
+/// State that makes a decoder of streams of a decoder of lines.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stream {
     assembly: LineAssembly<MAX_LINE_BYTES>,

@@ -1,8 +1,8 @@
-//! Observation types: what the columns of an observation file hold.
+//! Observation types: kind and signal of the columns of an observation file.
 
 use crate::gnss::SignalCode;
 
-/// What a column of an observation file holds.
+/// Quantity in a column of an observation file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObservationKind {
     /// C: pseudorange, m.
@@ -17,10 +17,10 @@ pub enum ObservationKind {
     Other,
 }
 
-/// One column: what it holds, and of which signal.
+/// One column: its quantity and signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObservationType {
-    /// What it holds.
+    /// The quantity.
     pub kind: ObservationKind,
     /// The signal.
     pub signal: SignalCode,
@@ -28,7 +28,7 @@ pub struct ObservationType {
     pub scale: f64,
 }
 
-/// An observation code of RINEX 3 and 4 as it is written; `None` when it cannot be one of any system.
+/// An observation code of RINEX 3 and 4 as it is written; `None` when no system can have it.
 pub(super) fn observation_type(code: &[u8]) -> Option<ObservationType> {
     let (letter, band, attribute) = match *code {
         [letter, band, attribute] => (letter, band, attribute),

@@ -5,7 +5,7 @@ use crate::formats::decimal::integer;
 use crate::formats::text::columns;
 use crate::gnss::{Constellation, SignalCode};
 
-/// Systems that a RINEX 2 file may hold; one list of types is for all of them.
+/// Systems that a RINEX 2 file may hold; all share one list of types.
 pub(super) const SYSTEMS_2: [Constellation; 6] = [
     Constellation::Gps,
     Constellation::Glonass,
@@ -65,7 +65,7 @@ impl TypeList {
             b'S' => ObservationKind::SignalStrength,
             _ => ObservationKind::Other,
         };
-        // Phase, Doppler and strength do not say which code was tracked: the one whose range is there.
+        // Phase, Doppler and strength do not say which code was tracked: that whose pseudorange is in the list.
         let precise = match letter {
             b'P' => true,
             b'C' => false,

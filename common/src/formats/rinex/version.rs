@@ -8,19 +8,19 @@ use crate::formats::text::columns;
 use crate::formats::text::{shorten, text};
 use crate::gnss::Constellation;
 
-/// What the first line says.
+/// Contents of the first line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Version {
     /// Version times 100: 211, 304, 400.
     pub(super) number: u16,
     /// Type letter: O, N; in RINEX 2 also the navigation of one system: G (GLONASS), H (SBAS), E (Galileo).
     pub(super) kind: u8,
-    /// Satellite system; `None` for a mixed file and where nothing is said.
+    /// Satellite system; `None` for a mixed file and where the line has none.
     pub(super) system: Option<Constellation>,
 }
 
 impl Version {
-    /// Reads the line; `expected` names in words what `kinds` lists.
+    /// Reads the line. `kinds`: letters of the accepted types; `expected`: their name for messages.
     pub(super) fn read(
         number: u64,
         line: &[u8],

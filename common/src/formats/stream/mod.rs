@@ -30,7 +30,7 @@ static NOTHING: Skips = Skips::new();
 /// The text format whose beginning this is, if it can be told yet. RTCM 3 is not recognised here but by its first valid
 /// frame. `ended`: nothing more will come.
 ///
-/// RINEX files of other kinds count as [`Format::Rinex`]: its decoder says what they are.
+/// RINEX files of other kinds count as [`Format::Rinex`]: its decoder names the kind.
 pub fn recognise_text(start: &[u8], ended: bool) -> Option<Format> {
     table::recognise_text(start, ended).map(|row| row.format)
 }
@@ -102,7 +102,7 @@ impl StreamDecoder {
         }
     }
 
-    /// What the phone says of itself in GnssLogger text, up to now.
+    /// The phone's own positions and states of signals in GnssLogger text, up to now.
     pub const fn phone(&self) -> &PhoneTally {
         &self.phone
     }
@@ -137,7 +137,7 @@ impl StreamDecoder {
         self.stream()?.first_header()
     }
 
-    /// The header of a RINEX stream with what events changed in it, once it is complete.
+    /// The header of a RINEX stream with the changes by events, once it is complete.
     pub fn header(&self) -> Option<&ObservationHeader> {
         self.stream()?.header()
     }
@@ -152,12 +152,12 @@ impl StreamDecoder {
         self.stream()?.approximate_position()
     }
 
-    /// What the recording was made with, as far as the stream tells.
+    /// Receiver, antenna and people of the recording, as far as the stream tells.
     pub fn equipment(&self) -> Equipment {
         self.stream().map(ObservationStream::equipment).unwrap_or_default()
     }
 
-    /// What follows does not continue what came before: a connection was lost.
+    /// The next bytes do not continue those before: a connection was lost.
     ///
     /// # Errors
     /// As [`Decoder::feed`], and when the stream was interrupted a dozen times before it could be recognised.
@@ -176,7 +176,7 @@ impl StreamDecoder {
         Ok(())
     }
 
-    /// Takes what the phone says of itself, so that it does not pile up.
+    /// Takes the phone's own positions and states of signals, so that memory does not grow.
     fn listen(&mut self) {
         if let State::Recognised(_, stream) = &mut self.state {
             stream.tell_phone(&mut self.phone);

@@ -1,4 +1,4 @@
-//! What a stream of observations can say beside its records.
+//! Statements of a stream of observations beside its records.
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -10,7 +10,7 @@ use crate::frames::Ecef;
 use crate::measurement::RecordedEpoch;
 use crate::orbit::IonosphereTerms;
 
-/// A decoder of observations. A format implements what it can say; the rest says nothing.
+/// A decoder of observations. A format implements the statements that it can make; by default there are none.
 pub trait ObservationStream: Decoder + Debug + Send {
     /// Whether the bytes so far can be of no other format. Of a format that is recognised by its text this is not asked.
     fn is_recognised(&self) -> bool {
@@ -22,7 +22,7 @@ pub trait ObservationStream: Decoder + Debug + Send {
         IonosphereTerms::default()
     }
 
-    /// The epoch of the last record with what the stream states beyond observations, if it does: satellite states and
+    /// The epoch of the last record with further statements of the stream, if it has any: satellite states and
     /// corrections (challenge tables, GnssLogger text since 2022), GLONASS satellites known by their channel only.
     fn recorded_epoch(&self) -> Option<&RecordedEpoch> {
         None
@@ -43,7 +43,7 @@ pub trait ObservationStream: Decoder + Debug + Send {
         None
     }
 
-    /// The header of RINEX with what events changed in it, once it is complete.
+    /// The header of RINEX with the changes by events, once it is complete.
     fn header(&self) -> Option<&ObservationHeader> {
         None
     }
@@ -59,12 +59,12 @@ pub trait ObservationStream: Decoder + Debug + Send {
         self.station()
     }
 
-    /// What the recording was made with: headers of RINEX and GnssLogger text, RTCM messages 1007, 1008 and 1033.
+    /// Receiver, antenna and people: by headers of RINEX and GnssLogger text, RTCM messages 1007, 1008 and 1033.
     fn equipment(&self) -> Equipment {
         Equipment::default()
     }
 
-    /// Hands over what the phone said of itself since the last call.
+    /// Hands over the phone's own positions and states of signals since the last call.
     fn tell_phone(&mut self, _tally: &mut PhoneTally) {}
 
     /// Whether weeks to add to its times were given to the decoder, or make no sense for it.
@@ -72,7 +72,7 @@ pub trait ObservationStream: Decoder + Debug + Send {
         false
     }
 
-    /// What follows does not continue what came before. Text ends a cut line, so that it spoils no other.
+    /// The next bytes do not continue those before. Text ends a cut line, so that it spoils no other.
     ///
     /// # Errors
     /// As [`Decoder::feed`].

@@ -1,4 +1,4 @@
-//! Which formats there are, and what each is known by.
+//! The table of formats, with the sign by which each is recognised.
 
 use crate::formats::format::Format;
 use crate::formats::gnsslogger::{self, GnssLoggerDecoder, is_log_line};
@@ -11,10 +11,10 @@ use crate::time::GpsTime;
 
 use super::ObservationStream;
 
-/// A log may have this many lines before one tells what it is.
+/// Lines of a log that are searched for one of its kind.
 const LINES_TO_RECOGNISE: usize = 100;
 
-/// What decoders need to know when they begin.
+/// Conditions under which decoders begin.
 #[derive(Clone, Debug)]
 pub(super) struct Opening {
     /// An instant within three days of the stream's beginning.
@@ -25,7 +25,7 @@ pub(super) struct Opening {
     pub(super) log: gnsslogger::Options,
 }
 
-/// What a format is known by.
+/// Sign by which a format is recognised.
 enum Sign {
     /// Its first line with content.
     FirstLine(fn(&[u8]) -> bool),
@@ -35,7 +35,7 @@ enum Sign {
     Frames,
 }
 
-/// A format, what it is known by, and its decoder.
+/// A format, its sign, and its decoder.
 pub(in crate::formats) struct Row {
     pub(in crate::formats) format: Format,
     sign: Sign,

@@ -1,12 +1,12 @@
-//! What is said of a stream that is none of the formats.
+//! Messages on streams that are of none of the formats.
 
 use crate::formats::kinds;
 
-/// All that is read, for messages.
+/// Names of all formats, for messages.
 const READ_FORMATS: &str = "RINEX 2, 3 and 4 observations, Compact RINEX, GnssLogger text, RTCM 3, challenge tables \
                                 (*_derived.csv, device_gnss.csv) and spare logs of WHU-Smartphone; files may be packed with gzip or compress (.Z)";
 
-/// Beginnings of what is packed. Of recorded files the last two are unpacked before they come here.
+/// Beginnings of packed data. Recorded files with the last two are unpacked before they come here.
 const PACKED: [(&[u8], &str); 5] = [
     (b"PK\x03\x04", "this is a zip archive; unpack it"),
     (b"BZh", "this is compressed with bzip2; uncompress it"),
@@ -22,7 +22,7 @@ pub(super) fn is_packed(start: &[u8]) -> bool {
     PACKED.iter().any(|(bytes, _)| start.starts_with(bytes))
 }
 
-/// Says what an unknown stream begins with, and what is read.
+/// A message with the first bytes of an unknown stream and the names of all formats.
 pub(super) fn unknown(start: &[u8]) -> String {
     if start.is_empty() {
         return format!("it is empty; read are {READ_FORMATS}");

@@ -1,4 +1,4 @@
-//! Reference trajectories, in whatever format they come.
+//! Reference trajectories in five formats.
 //!
 //! | format | time | quality of a row |
 //! |:--|:--|:--|
@@ -18,7 +18,7 @@ use crate::accuracy::{Truth, TruthError};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 
-/// A trajectory and what was skipped, or why there is none.
+/// A trajectory and the counts of skipped rows, or the reason why there is none.
 type Reading = Result<(Truth, Skips), TruthError>;
 
 /// A format of reference trajectories.
@@ -46,7 +46,7 @@ impl TruthFormat {
     }
 }
 
-/// Formats in the order in which they are tried. The last one takes any file and says what it lacks.
+/// Formats in the order in which they are tried. The last format takes any file and names the columns that are missing.
 static FORMATS: [TruthFormat; 5] = [
     TruthFormat {
         name: "challenge ground truth",

@@ -10,12 +10,12 @@ use crate::skips::{Reason, Skips};
 use crate::time::{Calendar, GpsTime, leap_seconds_at};
 
 const SECONDS_PER_DAY: f64 = 86_400.0;
-/// Lines that are looked at to recognise a file.
+/// Lines that are read to recognise a file.
 const LINES_TO_RECOGNISE: usize = 100;
 /// Largest height that is believed, m.
 const MAX_HEIGHT_M: f64 = 1e7;
 
-/// Whether a file is one: a sentence of positions or of the date stands among its first lines.
+/// Whether a file is NMEA text: one of its first lines is a sentence of positions or of the date.
 pub fn is_nmea(bytes: &[u8]) -> bool {
     let sentences =
         lines(bytes).take(LINES_TO_RECOGNISE).filter_map(|(_, line)| Sentence::of(line).ok().flatten());
@@ -112,7 +112,7 @@ impl Day {
     }
 }
 
-/// What GGA tells.
+/// Time, place and quality of GGA.
 struct Fix {
     time_of_day_s: f64,
     place: Geodetic,

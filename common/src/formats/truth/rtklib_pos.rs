@@ -17,7 +17,7 @@ const EXPECTED: &str = "a line '%  GPST  latitude(deg) longitude(deg) height(m) 
 const MAX_HEIGHT_M: f64 = 1e7;
 const MAX_SPEED_MPS: f64 = 1e5;
 
-/// Whether a file is one: the line that names its columns comes before its first row.
+/// Whether a file is a solution of RTKLIB: the line that names its columns comes before its first row.
 pub fn is_solution(bytes: &[u8]) -> bool {
     comments(bytes).any(|line| Layout::of(line).is_some())
 }
@@ -71,7 +71,7 @@ enum Clock {
     Jst,
 }
 
-/// How positions are written, in how many words.
+/// Forms of positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Coordinates {
     Degrees,
@@ -80,7 +80,7 @@ enum Coordinates {
     Ecef,
 }
 
-/// What stands where.
+/// Places of a row's words.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Layout {
     clock: Clock,

@@ -12,7 +12,7 @@ use crate::formats::time_order::TimeOrder;
 use crate::gnss::{EpochFlag, ObservationEpoch};
 use crate::skips::{Reason, Skips};
 
-/// How the line before each epoch begins.
+/// Beginning of the line before each epoch.
 const STAMP: &[u8] = b"current_Start_Timestamp:";
 /// The key of an epoch's observations.
 const OBSERVED: &[u8] = b"\"obsd_t\"";
@@ -39,7 +39,7 @@ pub struct SpareLogDecoder {
 struct Log {
     number: u64,
     is_recognised: bool,
-    /// The first line that was none of a spare log, while the log is not recognised.
+    /// The first line that cannot be of a spare log, while the log is not recognised.
     first: Option<String>,
     order: TimeOrder,
     locks: LostLocks,
@@ -96,7 +96,7 @@ impl Log {
         self.order.epoch((number, epoch), None, &mut self.skips, &mut |record| records.push_back(record));
     }
 
-    /// An error when the lines so far, or all of them, show another kind of stream.
+    /// An error when the lines so far, or, at the end, all lines show another kind of stream.
     fn check_kind(&self, ended: bool) -> Result<(), WrongStream> {
         if self.is_recognised || !(ended || self.number >= LINES_TO_RECOGNISE) {
             return Ok(());

@@ -61,7 +61,7 @@ fn whole<T: TryFrom<u64>>(value: f64) -> Option<T> {
     (value.fract() == 0.0 && (0.0..=9_999.0).contains(&value)).then(|| T::try_from(value as u64).ok())?
 }
 
-/// Why a line or an entry gives nothing.
+/// Reason why a line or an entry gives no observation.
 struct Fault {
     reason: Reason,
     detail: String,
@@ -169,7 +169,7 @@ impl Entry<'_> {
         None
     }
 
-    /// The bits of the loss-of-lock indicator, none when it is missing. One that is not 0 to 7 counts as a lost lock.
+    /// The bits of the loss-of-lock indicator; no bits when it is missing. An indicator that is not 0 to 7 counts as a lost lock.
     fn loss_of_lock(&mut self) -> LossOfLock {
         let found = self.fields.get("lli").filter(|value| !value.is_null());
         match found.map(|value| value.as_f64().and_then(whole::<u8>).filter(|bits| *bits <= 7)) {

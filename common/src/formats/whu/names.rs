@@ -2,7 +2,7 @@
 
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 
-/// Indices of each system's satellites, first and last, and what is taken off for the number within the system.
+/// First and last index of each system's satellites, and the difference between index and number within the system.
 const RANGES: [(Constellation, u8, u8, u8); 4] = [
     (Constellation::Gps, 1, 35, 0),
     (Constellation::Glonass, 36, 65, 35),

@@ -1,4 +1,4 @@
-//! The lines after the header: epochs, events, and what belongs to them.
+//! The lines after the header: epochs and events with their lines.
 
 use super::{MOST_ROOM, ObservationDecoder, State, Take};
 use crate::formats::decimal::integer;

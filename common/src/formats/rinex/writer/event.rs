@@ -26,7 +26,7 @@ const OF_LAYOUT: [&str; 13] = [
 ];
 
 impl ObservationWriter {
-    /// An event: its line, and those that belong to it. Empty when all its lines are such that the file cannot have them.
+    /// An event: its epoch line and its lines. Empty when the file can have none of its lines.
     pub fn event(&mut self, event: &Event) -> String {
         if event.kind == EventKind::CycleSlips {
             return self.cycle_slips(event);
@@ -78,7 +78,7 @@ impl ObservationWriter {
     }
 }
 
-/// Why a line cannot stand in an event of a file, after so many others.
+/// Why a line cannot stand in an event of a file; `before`: number of the event's lines before it.
 fn unfit(line: &str, before: usize) -> Option<Reason> {
     let label = label(line.as_bytes());
     if OF_LAYOUT.iter().any(|of_layout| of_layout.as_bytes() == label) {

@@ -15,7 +15,7 @@ const UNKNOWN_DELAY: f64 = 0.999999999999e9;
 /// count beyond the known leap seconds only. `None` when the reference time is then not a quarter of an hour of UTC, as all reference
 /// times are, or the calendar cannot show it.
 ///
-/// What [`GlonassEphemeris`] does not keep is written as unknown (status flags) or as the reference time (message frame
+/// Fields that [`GlonassEphemeris`] does not keep are written as unknown (status flags) or as the reference time (message frame
 /// time).
 pub fn glonass_record(ephemeris: &GlonassEphemeris, leap_seconds: Option<i64>) -> Option<String> {
     let e = ephemeris;

@@ -1,6 +1,6 @@
 //! RINEX 3.05 as text: observation and navigation files (Romero: RINEX 3.05).
 //!
-//! What comes out, read again, is what went in, to the digits that the format has.
+//! Records that are written and read again are equal to the digits of the format.
 
 mod event;
 mod glonass;
@@ -32,11 +32,11 @@ fn program_line(created: &str) -> String {
     labelled(&format!("{:<20}{:<20}{created:<20}", "cofix", ""), "PGM / RUN BY / DATE")
 }
 
-/// Smallest and largest magnitude whose exponent has two digits, which is what the columns have room for.
+/// Smallest and largest magnitude whose exponent has two digits; the columns have no room for three.
 const EXPONENT_OF_TWO_DIGITS: Range<f64> = 1e-99..9.999e99;
 
-/// A number as Fortran's Dw.d prints it, `digits` after the point, with E for the exponent. A smaller one than can be printed is
-/// zero; a larger one, and what is no number, is blank.
+/// A number as Fortran's Dw.d prints it, `digits` after the point, with E for the exponent. A number too small for that is
+/// zero; one too large, infinity and NaN are blank.
 fn scientific(value: f64, width: usize, digits: usize) -> String {
     let Range { start: smallest, end: largest } = EXPONENT_OF_TWO_DIGITS;
     if !value.is_finite() || value.abs() > largest {

@@ -43,7 +43,7 @@ fn ionosphere_line(name: &str, numbers: &[f64]) -> String {
 /// The record of an ephemeris (RINEX 3.05, tables A6, A8, A12, A14). `None` for systems whose records have another
 /// form, or when the calendar cannot show its time.
 ///
-/// What [`KeplerEphemeris`] does not keep is written as unknown: time of transmission, fit interval, codes on L2.
+/// Fields that [`KeplerEphemeris`] does not keep are written as unknown: time of transmission, fit interval, codes on L2.
 pub fn navigation_record(ephemeris: &KeplerEphemeris) -> Option<String> {
     let constellation = ephemeris.satellite.constellation;
     let (behind_s, week_offset) = match constellation {

@@ -31,7 +31,7 @@ const COLUMNS: [Column; 4] = [
 ];
 pub(super) const PHASE: char = 'L';
 
-/// Which columns a file needs: RINEX names them before the first epoch, so all epochs must have been seen once.
+/// Columns that a file needs: RINEX names them before the first epoch, so all epochs must have been seen once.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObservationLayout {
     /// Per signal, which of [`COLUMNS`] have any value.
@@ -39,7 +39,7 @@ pub struct ObservationLayout {
     span: Option<(GpsTime, GpsTime)>,
 }
 
-/// What a header says beside its columns.
+/// Contents of a header beside its columns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RecordingInfo {
     /// Marker name.
@@ -117,7 +117,7 @@ impl ObservationWriter {
         Self { layout, skips: Skips::default() }
     }
 
-    /// What could not be written, by reason.
+    /// Records and values that could not be written, by reason.
     pub const fn skips(&self) -> &Skips {
         &self.skips
     }
