@@ -14,10 +14,8 @@ use cofix_common::time::GpsTime;
 
 use crate::corrections::Corrections;
 use crate::input::LiveSource;
+use crate::publication::UNANSWERED;
 use crate::publication::link::LONGEST_BLOCK;
-
-/// Longest time without progress of a hub in this process.
-const STALLED_IN_PROCESS: Duration = Duration::from_mins(10);
 
 /// Everything about one agent's run.
 #[derive(Clone, Debug)]
@@ -45,8 +43,8 @@ pub struct AgentConfig {
     pub pipeline: PipelineOptions,
     /// How long to wait for the hub: to be reachable, to listen, and, without progress, to confirm receipt.
     pub patience: Duration,
-    /// Whether the hub is in this process and asks the agent to stop when it fails. Such a hub may be slow on a busy machine: it is given ten
-    /// minutes without progress, not `patience`.
+    /// Whether the hub is in this process and asks the agent to stop when it fails. Such a hub may be slow on a busy machine: as long as it is
+    /// connected, it is given ten minutes without progress, not `patience`.
     pub hub_in_process: bool,
     /// How many of the last messages are kept for a hub that comes late or loses its connection.
     pub kept_messages: usize,
@@ -79,12 +77,12 @@ impl AgentConfig {
 
     /// Longest wait for a hub that takes no message in; then the connection counts as lost, and is opened again.
     pub(crate) const fn longest_block(&self) -> Duration {
-        if self.hub_in_process { STALLED_IN_PROCESS } else { LONGEST_BLOCK }
+        if self.hub_in_process { UNANSWERED } else { LONGEST_BLOCK }
     }
 
-    /// Longest wait for a hub that confirms no more epochs.
-    pub(crate) const fn receipt_patience(&self) -> Duration {
-        if self.hub_in_process { STALLED_IN_PROCESS } else { self.patience }
+    /// Longest wait for a hub that answers and confirms no more epochs.
+    pub(crate) const fn longest_stall(&self) -> Duration {
+        if self.hub_in_process { UNANSWERED } else { self.patience }
     }
 }
 

@@ -103,8 +103,12 @@ pub fn run_watched(
         let corrections = DifferentialCounts::default();
         return Ok(AgentReport { epochs_published: 0, solutions: 0, stopped: true, corrections, skips });
     };
-    let publisher =
-        Publisher { group: &config.group, phone: &config.phone, kept_messages: config.kept_messages };
+    let publisher = Publisher {
+        group: &config.group,
+        phone: &config.phone,
+        kept_messages: config.kept_messages,
+        longest_stall: config.longest_stall(),
+    };
     let publication = Publication::declare(session, publisher)?;
     let mut pipeline = PhonePipeline::new(&config.phone, Arc::clone(&products), config.pipeline.clone());
     if feed.is_some() {
@@ -346,7 +350,7 @@ fn finish(
         return Ok(());
     }
     let last_wait = if is_live { &Stop::default() } else { stop };
-    match publication.wait_for_receipt(config.receipt_patience(), last_wait) {
+    match publication.wait_for_receipt(config.patience, last_wait) {
         Some(confirmed) if confirmed >= published => Ok(()),
         Some(confirmed) => Err(AgentError::NotConfirmed { confirmed, published }),
         None => Err(AgentError::Unanswered { published }),

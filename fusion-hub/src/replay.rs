@@ -284,15 +284,15 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
         agents_stop.request();
     }
     let joined = join(agents, &events);
+    // Before anything of it is dropped: Zenoh does not bear that while agents' sessions end.
+    let closed = network.close();
     let mut skips = product_skips;
     skips.merge(&plan.truth_skips);
-    if let Err(error) = worked.and(joined).and_then(|()| group.check_result()) {
+    if let Err(error) = worked.and(joined).and(closed).and_then(|()| group.check_result()) {
         group.report().1.remove();
         return Err(error);
     }
-    let outcome = outcome(&mut group, &skips, SettingsReport::new(&plan.settings, &plan.truth_quality));
-    network.close()?;
-    Ok(outcome)
+    Ok(outcome(&mut group, &skips, SettingsReport::new(&plan.settings, &plan.truth_quality)))
 }
 
 fn group(plan: &Plan, options: &ReplayOptions, network: &Network) -> anyhow::Result<Group> {

@@ -34,7 +34,12 @@ fn messages(plan: &Plan, phone: usize) -> Vec<EpochMessage> {
 
 fn publication(plan: &Plan, phone: usize, endpoints: &[String]) -> Publication {
     let session = connect(endpoints).unwrap();
-    let publisher = Publisher { group: &plan.group, phone: &plan.phones[phone].name, kept_messages: 100 };
+    let publisher = Publisher {
+        group: &plan.group,
+        phone: &plan.phones[phone].name,
+        kept_messages: 100,
+        longest_stall: AgentConfig::PATIENCE,
+    };
     let publication = Publication::declare(session, publisher).unwrap();
     assert!(publication.wait_for_listener(Duration::from_secs(10), &Stop::default()).unwrap());
     publication

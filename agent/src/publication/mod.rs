@@ -30,7 +30,8 @@ use zenoh::{Session, Wait};
 use crate::Stop;
 
 use history::{Address, History};
-use receipt::{ReceiptWait, UNANSWERED};
+use receipt::ReceiptWait;
+pub(crate) use receipt::UNANSWERED;
 
 /// How often a wait for an answer looks whether it still makes sense.
 const LOOK: Duration = Duration::from_millis(200);
@@ -94,6 +95,8 @@ pub struct Publisher<'a> {
     pub phone: &'a str,
     /// How many of the last messages are kept for a hub that comes late or reconnects.
     pub kept_messages: usize,
+    /// Longest time in which a hub that answers confirms no more epochs.
+    pub longest_stall: Duration,
 }
 
 /// One agent's publishers and liveliness token.
@@ -107,6 +110,7 @@ pub struct Publication {
     status: ZenohPublisher<'static>,
     history: History,
     alive: LivelinessToken,
+    longest_stall: Duration,
     published: u64,
 }
 
@@ -116,7 +120,7 @@ impl Publication {
     /// # Errors
     /// When a name cannot be part of a key, or Zenoh refuses.
     pub fn declare(session: Session, publisher: Publisher<'_>) -> Result<Self, PublicationError> {
-        let Publisher { group, phone, kept_messages } = publisher;
+        let Publisher { group, phone, kept_messages, longest_stall } = publisher;
         let epochs = declare(&session, epoch_key(group, phone)?)?;
         let status = declare(&session, status_key(group, phone)?)?;
         let address =
@@ -135,6 +139,7 @@ impl Publication {
             status,
             history,
             alive,
+            longest_stall,
             published: 0,
         })
     }
@@ -194,11 +199,12 @@ impl Publication {
         self.ask_for_receipt(INTRODUCTION, &|| start.elapsed() < INTRODUCTION).map(drop)
     }
 
-    /// Asks the hub until it has every epoch, has given up the rest, or has made no progress for `patience`; less once asked to stop.
+    /// Asks the hub until it has every epoch, has given up the rest, has confirmed no more for [`Publisher::longest_stall`], or is gone for
+    /// `patience`; less once asked to stop.
     /// A hub that is connected and has not answered yet is waited for up to ten minutes: the question waits behind the epochs on a slow
     /// link. How many it has; `None` when it never answered.
     pub fn wait_for_receipt(&self, patience: Duration, stop: &Stop) -> Option<u64> {
-        let mut wait = ReceiptWait::new(patience);
+        let mut wait = ReceiptWait::new(patience, self.longest_stall);
         let reminded = Cell::new(Instant::now());
         while wait.known.is_none_or(|known| known.settled() < self.published) {
             let goes_on = || {

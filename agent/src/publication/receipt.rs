@@ -5,13 +5,15 @@ use std::time::{Duration, Instant};
 use cofix_common::wire::Receipt;
 
 /// Longest wait for an answer about receipts while the hub is connected: on a slow link what was published before the question is still on its way.
-pub(super) const UNANSWERED: Duration = Duration::from_mins(10);
+pub(crate) const UNANSWERED: Duration = Duration::from_mins(10);
 /// Longest wait for receipts without progress once asked to stop.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 
 /// How long receipts are waited for.
 pub(super) struct ReceiptWait {
     patience: Duration,
+    /// Longest time in which a hub that answers confirms no more.
+    longest_stall: Duration,
     /// The receipt with the most epochs settled.
     pub(super) known: Option<Receipt>,
     /// When an answer last had more epochs settled than the one before.
@@ -19,8 +21,8 @@ pub(super) struct ReceiptWait {
 }
 
 impl ReceiptWait {
-    pub(super) fn new(patience: Duration) -> Self {
-        Self { patience, known: None, progress: Instant::now() }
+    pub(super) fn new(patience: Duration, longest_stall: Duration) -> Self {
+        Self { patience, longest_stall, known: None, progress: Instant::now() }
     }
 
     /// Whether an answer may still come, and is waited for.
@@ -42,7 +44,7 @@ impl ReceiptWait {
         if answer.map(Receipt::settled) > self.known.map(Receipt::settled) {
             (self.known, self.progress) = (answer, Instant::now());
         }
-        answer.is_some() && self.progress.elapsed() >= self.patience
+        answer.is_some() && self.progress.elapsed() >= self.longest_stall
     }
 }
 
@@ -52,16 +54,14 @@ mod tests {
 
     #[test]
     fn a_hub_that_is_connected_is_waited_for_until_it_answers() {
-        let patience = Duration::from_mins(20);
-        let mut wait = ReceiptWait::new(Duration::from_secs(10));
+        let mut wait = ReceiptWait::new(Duration::from_secs(10), Duration::from_mins(20));
         assert_eq!(wait.limit(false, true), UNANSWERED, "what it has is still on its way");
         assert_eq!(wait.limit(false, false), Duration::from_secs(10), "the connection is lost");
         assert_eq!(wait.limit(true, true), LAST_WORDS);
-        wait.patience = patience;
         let receipt = |received| Some(Receipt { received, lost: 1 });
         assert!(!wait.is_enough(receipt(3)) && !wait.is_enough(receipt(2)) && !wait.is_enough(None));
         assert_eq!(wait.known, receipt(3));
-        wait.patience = Duration::ZERO;
+        wait.longest_stall = Duration::ZERO;
         assert!(!wait.is_enough(None), "no answer says nothing");
         assert!(wait.is_enough(receipt(3)), "it has had no more for long enough");
     }
