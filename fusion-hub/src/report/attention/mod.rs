@@ -90,8 +90,8 @@ struct Several {
 
 impl Several {
     /// The finding, if it concerns anybody. `concerned` has a phone, or phones, and the figure.
-    fn on(self, concerned: Vec<(Vec<String>, String)>) -> Option<Finding> {
-        let Self { severity, kind, text, advice } = self;
+    fn on(&self, concerned: Vec<(Vec<String>, String)>) -> Option<Finding> {
+        let &Self { severity, kind, text, advice } = self;
         if concerned.is_empty() {
             return None;
         }

@@ -18,6 +18,66 @@ const HARDLY_RELIABLE: f64 = 0.9;
 /// Mean number of satellites.
 const FEWEST_SATELLITES: f64 = 7.0;
 
+/// A rule about single phones.
+struct Rule {
+    finding: Several,
+    /// The figure of a phone that it concerns.
+    figure: fn(&PhoneReport) -> Option<String>,
+}
+
+const PART_OF_THE_TIME: Rule = Rule {
+    finding: Several {
+        severity: Severity::Worse,
+        kind: "phone-part-of-the-time",
+        text: "phones that were there for a part of the session",
+        advice: "Their scores hold for that part only; availability counts what they missed",
+    },
+    figure: |phone| {
+        let share = phone.share_of_group.filter(|share| *share < LEAST_SHARE)?;
+        let (first, last) = phone.first_gps.as_ref().zip(phone.last_gps.as_ref())?;
+        Some(format!("{:.0} % of the time, {first} to {last} GPS", share * 100.0))
+    },
+};
+
+const RULES: [Rule; 3] = [
+    Rule {
+        finding: Several {
+            severity: Severity::Worse,
+            kind: "epochs-without-solution",
+            text: "epochs without a solution of their own",
+            advice: "Too few satellites: check the masks, and that the products hold them all",
+        },
+        figure: |phone| {
+            let unsolved = phone.epochs_without_solution;
+            (ratio(unsolved, phone.epochs) > MOST_UNSOLVED).then(|| percent(unsolved, phone.epochs))
+        },
+    },
+    Rule {
+        finding: Several {
+            severity: Severity::Worse,
+            kind: "few-satellites",
+            text: "few satellites in use, on average",
+            advice: "Check the masks, that the products hold all systems, and what the phone records",
+        },
+        figure: |phone| {
+            phone.mean_satellites.filter(|mean| *mean < FEWEST_SATELLITES).map(|mean| format!("{mean:.1}"))
+        },
+    },
+    Rule {
+        finding: Several {
+            severity: Severity::Worse,
+            kind: "no-doppler",
+            text: "observations without Doppler",
+            advice: "Velocities then follow from positions alone, and are metres per second worse",
+        },
+        figure: |phone| {
+            let without = phone.observations - phone.observations_with_rate.min(phone.observations);
+            (ratio(without, phone.observations) > 1.0 - LEAST_RATES)
+                .then(|| percent(without, phone.observations))
+        },
+    },
+];
+
 pub(super) fn look(report: &Report, findings: &mut Vec<Finding>) {
     findings.extend(report.same_observations.iter().map(|same| Finding {
         severity: Severity::Wrong,
@@ -28,18 +88,22 @@ pub(super) fn look(report: &Report, findings: &mut Vec<Finding>) {
             "One recording was named for two phones: it counts twice, and sigmas are too small".to_owned(),
     }));
     findings.extend(absent(report));
-    findings.extend(late(report));
+    findings.extend(on(report, &PART_OF_THE_TIME));
     findings.extend(apart(report));
-    findings.extend(without_solution(report));
-    findings.extend(few_satellites(report));
-    findings.extend(without_rates(report));
+    findings.extend(RULES.iter().filter_map(|rule| on(report, rule)));
     findings.extend(unreliable(report));
 }
 
-/// One finding on the phones, of those that came, for which `figure` has something to say.
-fn on(report: &Report, finding: Several, figure: impl Fn(&PhoneReport) -> Option<String>) -> Option<Finding> {
-    let came = report.phones.iter().filter(|(_, phone)| phone.epochs > 0);
-    finding.on(came.filter_map(|(name, phone)| Some((vec![name.clone()], figure(phone)?))).collect())
+/// Phones that came.
+fn came(report: &Report) -> impl Iterator<Item = (&String, &PhoneReport)> {
+    report.phones.iter().filter(|(_, phone)| phone.epochs > 0)
+}
+
+/// One finding on the phones that a rule concerns.
+fn on(report: &Report, rule: &Rule) -> Option<Finding> {
+    let concerned =
+        came(report).filter_map(|(name, phone)| Some((vec![name.clone()], (rule.figure)(phone)?)));
+    rule.finding.on(concerned.collect())
 }
 
 fn absent(report: &Report) -> Option<Finding> {
@@ -55,20 +119,6 @@ fn absent(report: &Report) -> Option<Finding> {
         text: format!("no epoch with a usable observation came of {}", phones.join(", ")),
         phones,
         advice: "Check that its agent ran, for this group and under this name, and what it says".to_owned(),
-    })
-}
-
-fn late(report: &Report) -> Option<Finding> {
-    let finding = Several {
-        severity: Severity::Worse,
-        kind: "phone-part-of-the-time",
-        text: "phones that were there for a part of the session",
-        advice: "Their scores hold for that part only; availability counts what they missed",
-    };
-    on(report, finding, |phone| {
-        let share = phone.share_of_group.filter(|share| *share < LEAST_SHARE)?;
-        let (first, last) = phone.first_gps.as_ref().zip(phone.last_gps.as_ref())?;
-        Some(format!("{:.0} % of the time, {first} to {last} GPS", share * 100.0))
     })
 }
 
@@ -89,58 +139,24 @@ fn apart(report: &Report) -> Option<Finding> {
     })
 }
 
-fn without_solution(report: &Report) -> Option<Finding> {
-    let finding = Several {
-        severity: Severity::Worse,
-        kind: "epochs-without-solution",
-        text: "epochs without a solution of their own",
-        advice: "Too few satellites: check the masks, and that the products hold them all",
-    };
-    on(report, finding, |phone| {
-        let unsolved = phone.epochs_without_solution;
-        (ratio(unsolved, phone.epochs) > MOST_UNSOLVED).then(|| percent(unsolved, phone.epochs))
-    })
-}
-
-fn few_satellites(report: &Report) -> Option<Finding> {
-    let finding = Several {
-        severity: Severity::Worse,
-        kind: "few-satellites",
-        text: "few satellites in use, on average",
-        advice: "Check the masks, that the products hold all systems, and what the phone records",
-    };
-    on(report, finding, |phone| {
-        phone.mean_satellites.filter(|mean| *mean < FEWEST_SATELLITES).map(|mean| format!("{mean:.1}"))
-    })
-}
-
-fn without_rates(report: &Report) -> Option<Finding> {
-    let finding = Several {
-        severity: Severity::Worse,
-        kind: "no-doppler",
-        text: "observations without Doppler",
-        advice: "Velocities then follow from positions alone, and are metres per second worse",
-    };
-    on(report, finding, |phone| {
-        let without = phone.observations - phone.observations_with_rate.min(phone.observations);
-        (ratio(without, phone.observations) > 1.0 - LEAST_RATES).then(|| percent(without, phone.observations))
-    })
-}
-
 fn unreliable(report: &Report) -> Option<Finding> {
-    let part = |phone: &PhoneReport| {
+    let mut severity = Severity::Worse;
+    let mut concerned = Vec::new();
+    for (name, phone) in came(report) {
         let bad = phone.epochs - Verdicts::of(phone).reliable.min(phone.epochs);
-        (bad, ratio(bad, phone.epochs))
-    };
-    let is_worst = report.phones.values().any(|phone| part(phone).1 > HARDLY_RELIABLE);
+        let share = ratio(bad, phone.epochs);
+        if share > HARDLY_RELIABLE {
+            severity = Severity::Wrong;
+        }
+        if share > MOST_UNRELIABLE {
+            concerned.push((vec![name.clone()], percent(bad, phone.epochs)));
+        }
+    }
     let finding = Several {
-        severity: if is_worst { Severity::Wrong } else { Severity::Worse },
+        severity,
         kind: "not-reliable",
         text: "epochs that RAIM does not call reliable",
         advice: "The report has the verdicts by cause; the recording shows when",
     };
-    on(report, finding, |phone| {
-        let (bad, share) = part(phone);
-        (share > MOST_UNRELIABLE).then(|| percent(bad, phone.epochs))
-    })
+    finding.on(concerned)
 }
