@@ -4,18 +4,21 @@
 
 #[path = "../../common/tests/beside/mod.rs"]
 mod beside;
+mod tracks;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use cofix_agent::source::{Reading, open_file, products};
 use cofix_agent::{ProductFiles, ProductSource, Stop};
-use cofix_common::accuracy::{Accuracy, Solution, Truth, score};
+use cofix_common::accuracy::{Accuracy, Truth};
 use cofix_common::formats::decode::Record;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::measurement::{CorrectionOptions, Ionosphere};
 use cofix_common::orbit::Products;
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
+
+use tracks::Tracks;
 
 fn data(path: &str) -> PathBuf {
     beside::file(&format!("data/{path}"))
@@ -62,27 +65,15 @@ fn run(drive: &Drive, bands: Bands, ionosphere: Ionosphere) -> (Option<Accuracy>
     let options = PipelineOptions { correction, ..PipelineOptions::default() };
     let mut pipeline = PhonePipeline::new("phone", Arc::clone(&drive.products), options);
     let mut records = open_file(&drive.observations, &Reading::default()).unwrap();
-    let (mut wls, mut local, mut times, mut signals) = (Vec::new(), Vec::new(), Vec::new(), 0);
+    let (mut tracks, mut signals) = (Tracks::default(), 0);
     while let Some(record) = records.next(&Stop::default()).unwrap() {
         let Record::Epoch(epoch) = record else { continue };
         let message = pipeline.process(&bands.keep(&epoch));
-        let time_gps = message.time_gps;
-        times.push(time_gps);
         signals += message.observations.len();
-        wls.extend(message.wls.map(|solution| Solution {
-            time_gps,
-            position: solution.position,
-            covariance: solution.position_covariance,
-        }));
-        local.extend(message.local.map(|state| Solution {
-            time_gps,
-            position: state.position(),
-            covariance: state.covariance.fixed_view::<3, 3>(0, 0).into_owned(),
-        }));
+        tracks.push(message);
     }
-    let span = (times[0], times[times.len() - 1]);
-    let scored = |solutions: &[Solution]| score(&drive.truth, &[1], span, solutions);
-    (scored(&wls), scored(&local), signals as f64 / times.len() as f64)
+    let [wls, local] = tracks.scores(&drive.truth);
+    (wls, local, signals as f64 / tracks.times.len() as f64)
 }
 
 fn cell(accuracy: Option<&Accuracy>) -> String {

@@ -18,19 +18,10 @@ use cofix_common::formats::format::Format;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::time::GpsTime;
 
-const HEADER: &str = "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
-G    4 C1C L1C D1C S1C                                      SYS / # / OBS TYPES
-                                                            END OF HEADER
-";
-
-fn epoch(second: u32) -> String {
-    format!(
-        "> 2020 08 13 14 19 {second:2}.0000000  0  1\nG07  22100000.000 8 116000000.000 8     -1200.000 8        45.000 8\n"
-    )
-}
+use recordings::{ONE_SATELLITE_HEADER, one_satellite_epoch};
 
 fn file(seconds: std::ops::Range<u32>) -> String {
-    HEADER.to_owned() + &seconds.map(epoch).collect::<String>()
+    ONE_SATELLITE_HEADER.to_owned() + &seconds.map(one_satellite_epoch).collect::<String>()
 }
 
 fn time(second: u32) -> GpsTime {
@@ -74,7 +65,7 @@ fn a_file_is_followed_as_it_grows_in_odd_portions() {
             append(&path, portion);
         }
         turn.recv().unwrap();
-        append(&path, epoch(9).as_bytes());
+        append(&path, one_satellite_epoch(9).as_bytes());
         turn.recv().unwrap();
         end.request();
     });
@@ -224,9 +215,9 @@ fn server(portions: Vec<Vec<u8>>) -> (String, limits::Running<()>) {
 fn a_lost_connection_is_opened_again() {
     let text = file(0..10);
     // Dropped in the middle of epoch 4's satellite line; garbage of the restart; then the rest from epoch 6 on.
-    let cut = text.find(&epoch(5)).unwrap() - 30;
+    let cut = text.find(&one_satellite_epoch(5)).unwrap() - 30;
     let mut second = b"\x00\xffboot\r\nnonsense 17 \n".to_vec();
-    second.extend_from_slice(&text.as_bytes()[text.find(&epoch(6)).unwrap()..]);
+    second.extend_from_slice(&text.as_bytes()[text.find(&one_satellite_epoch(6)).unwrap()..]);
     let (address, serving) = server(vec![text.as_bytes()[..cut].to_vec(), second]);
     let mut records = records(Connected::new(&address, quick(4)));
     let times = all(&mut records);

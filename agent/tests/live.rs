@@ -15,17 +15,7 @@ use cofix_agent::{AgentConfig, AgentReport, Source, Speed, Stop, run};
 use cofix_common::wire::PhoneStatus;
 
 use hub_support::Hub;
-
-const HEADER: &str = "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
-G    4 C1C L1C D1C S1C                                      SYS / # / OBS TYPES
-                                                            END OF HEADER
-";
-
-fn epoch(second: u32) -> String {
-    format!(
-        "> 2020 08 13 14 19 {second:2}.0000000  0  1\nG07  22100000.000 8 116000000.000 8     -1200.000 8        45.000 8\n"
-    )
-}
+use recordings::{ONE_SATELLITE_HEADER, one_satellite_epoch};
 
 fn config(hub: &Hub, source: LiveSource) -> AgentConfig {
     // Would take a day for each epoch, were the speed obeyed.
@@ -58,7 +48,11 @@ fn check(hub: &Hub, report: &AgentReport, epochs: u64) {
 fn a_growing_file_is_published_as_it_grows_until_a_stop() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.rnx");
-    std::fs::write(&path, HEADER.to_owned() + &epoch(1) + &epoch(2)).unwrap();
+    std::fs::write(
+        &path,
+        ONE_SATELLITE_HEADER.to_owned() + &one_satellite_epoch(1) + &one_satellite_epoch(2),
+    )
+    .unwrap();
     let hub = Hub::listen();
     let config = config(&hub, LiveSource::Follow(path.clone()));
     let asked = Stop::default();
@@ -66,7 +60,7 @@ fn a_growing_file_is_published_as_it_grows_until_a_stop() {
     let agent = limits::spawn(move || run(&config, &stop));
     receive(&hub, 0..2);
     let mut file = std::fs::OpenOptions::new().append(true).open(&path).unwrap();
-    file.write_all((epoch(3) + &epoch(4)).as_bytes()).unwrap();
+    file.write_all((one_satellite_epoch(3) + &one_satellite_epoch(4)).as_bytes()).unwrap();
     receive(&hub, 2..4);
     asked.request();
     let report = agent.join().unwrap().unwrap();
@@ -98,10 +92,17 @@ fn a_server_that_drops_the_connection_costs_no_later_epoch() {
     let address = listener.local_addr().unwrap().to_string();
     let serving = limits::spawn(move || {
         let mut first = listener.accept().unwrap().0;
-        first.write_all((HEADER.to_owned() + &epoch(1) + &epoch(2)).as_bytes()).unwrap();
+        first
+            .write_all(
+                (ONE_SATELLITE_HEADER.to_owned() + &one_satellite_epoch(1) + &one_satellite_epoch(2))
+                    .as_bytes(),
+            )
+            .unwrap();
         drop(first);
         let mut second = listener.accept().unwrap().0;
-        second.write_all(("noise\n".to_owned() + &epoch(3) + &epoch(4)).as_bytes()).unwrap();
+        second
+            .write_all(("noise\n".to_owned() + &one_satellite_epoch(3) + &one_satellite_epoch(4)).as_bytes())
+            .unwrap();
     });
     let hub = Hub::listen();
     let millisecond = Duration::from_millis(1);
@@ -127,7 +128,7 @@ fn a_live_source_that_ends_without_an_epoch_is_a_failure_and_says_so_to_the_hub(
             .accept()
             .unwrap()
             .0
-            .write_all((HEADER.to_owned() + "> 2020 13 41 14 19  2.0  0  1\n").as_bytes())
+            .write_all((ONE_SATELLITE_HEADER.to_owned() + "> 2020 13 41 14 19  2.0  0  1\n").as_bytes())
             .unwrap();
     });
     let hub = Hub::listen();

@@ -4,6 +4,7 @@
 
 #[path = "../../common/tests/beside/mod.rs"]
 mod beside;
+mod tracks;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -11,14 +12,15 @@ use std::sync::Arc;
 use beside::pixel4_table as table;
 use cofix_agent::source::{Reading, open_file, survey};
 use cofix_agent::{Source, Stop};
-use cofix_common::accuracy::{Accuracy, Solution, Truth, score};
+use cofix_common::accuracy::{Accuracy, Truth};
 use cofix_common::formats::decode::Record;
 use cofix_common::formats::gsdc::ground_truth;
 use cofix_common::orbit::NavigationFile;
 use cofix_common::orbit::Products;
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::skips::Skips;
-use cofix_common::time::GpsTime;
+
+use tracks::Tracks;
 
 const HEADER: &str = "millisSinceGpsEpoch,constellationType,svid,signalType,receivedSvTimeInGpsNanos,xSatPosM,ySatPosM,\
     zSatPosM,xSatVelMps,ySatVelMps,zSatVelMps,satClkBiasM,satClkDriftMps,rawPrM,rawPrUncM,isrbM,ionoDelayM,tropoDelayM\n";
@@ -51,45 +53,28 @@ fn required(path: &str) -> Vec<u8> {
     beside::required(&format!("data/gsdc-2020-05-14-mtv1/{path}"))
 }
 
-struct Drive {
-    span: (GpsTime, GpsTime),
-    wls: Vec<Solution>,
-    local: Vec<Solution>,
-    skips: Skips,
-}
-
-/// Runs the pipeline over a table, with its own corrections or with products.
-fn drive(table: &tempfile::NamedTempFile, products: Products, recorded: bool) -> Drive {
+/// Runs the pipeline over a table, with its own corrections or with products; what it brought, and what was skipped.
+fn drive(table: &tempfile::NamedTempFile, products: Products, recorded: bool) -> (Tracks, Skips) {
     let options = PipelineOptions { recorded_corrections: recorded, ..PipelineOptions::default() };
     let mut pipeline = PhonePipeline::new("pixel4", Arc::new(products), options);
     let mut records = open_file(table.path(), &Reading::default()).unwrap();
-    let (mut wls, mut local, mut times) = (Vec::new(), Vec::new(), Vec::new());
+    let mut tracks = Tracks::default();
     while let Some(record) = records.next(&Stop::default()).unwrap() {
         let Record::Epoch(epoch) = record else { continue };
         let message = pipeline.process_recorded(records.decoder().recorded_corrections().unwrap());
-        let time_gps = message.time_gps;
-        assert_eq!(time_gps, epoch.time_gps);
-        times.push(time_gps);
-        wls.extend(message.wls.map(|solution| Solution {
-            time_gps,
-            position: solution.position,
-            covariance: solution.position_covariance,
-        }));
-        local.extend(message.local.map(|state| Solution {
-            time_gps,
-            position: state.position(),
-            covariance: state.covariance.fixed_view::<3, 3>(0, 0).into_owned(),
-        }));
+        assert_eq!(message.time_gps, epoch.time_gps);
+        tracks.push(message);
     }
-    Drive { span: (times[0], times[times.len() - 1]), wls, local, skips: pipeline.skips() }
+    (tracks, pipeline.skips())
 }
 
-/// p50 and p95 of the horizontal error, m.
-fn percentiles(truth: &Truth, drive: &Drive, solutions: &[Solution]) -> (f64, f64) {
-    let Accuracy { epochs, horizontal_p50_m, horizontal_p95_m, .. } =
-        score(truth, &[1], drive.span, solutions).unwrap();
-    assert!(epochs >= 1_735, "{epochs} epochs");
-    (horizontal_p50_m, horizontal_p95_m)
+/// p50 and p95 of the horizontal error, m, of the epoch-wise solution and of the local filter.
+fn percentiles(truth: &Truth, tracks: &Tracks) -> [(f64, f64); 2] {
+    tracks.scores(truth).map(|accuracy| {
+        let Accuracy { epochs, horizontal_p50_m, horizontal_p95_m, .. } = accuracy.unwrap();
+        assert!(epochs >= 1_735, "{epochs} epochs");
+        (horizontal_p50_m, horizontal_p95_m)
+    })
 }
 
 /// The table has neither C/N0 nor Doppler, so the filter has to go by code alone, and by the phone's own uncertainties.
@@ -99,15 +84,15 @@ fn a_drive_on_nothing_but_its_table() {
     let (table, truth, navigation) = (table(), required("Pixel4_ground_truth.csv"), required("hour1350.20n"));
     let (truth, _) = ground_truth(&truth).unwrap();
     let table = file(&table);
-    let own = drive(&table, Products::default(), true);
-    let (wls, local) = (percentiles(&truth, &own, &own.wls), percentiles(&truth, &own, &own.local));
-    println!("its own corrections: wls {wls:.3?}, local {local:.3?}; {}", own.skips);
+    let (own, skips) = drive(&table, Products::default(), true);
+    let [wls, local] = percentiles(&truth, &own);
+    println!("its own corrections: wls {wls:.3?}, local {local:.3?}; {skips}");
     assert!(wls.0 <= 2.5 && wls.1 <= 7.5, "{wls:?}");
     assert!(local.0 <= 2.5 && local.1 <= 7.5, "{local:?}");
     let products = Products::new(Vec::new(), vec![NavigationFile::parse(&navigation).unwrap()]);
-    let other = drive(&table, products, false);
-    let (wls, local) = (percentiles(&truth, &other, &other.wls), percentiles(&truth, &other, &other.local));
-    println!("our corrections: wls {wls:.3?}, local {local:.3?}; {}", other.skips);
+    let (other, skips) = drive(&table, products, false);
+    let [wls, local] = percentiles(&truth, &other);
+    println!("our corrections: wls {wls:.3?}, local {local:.3?}; {skips}");
     assert!(wls.0 <= 2.7 && wls.1 <= 7.7, "{wls:?}");
     assert!(local.0 <= 2.5 && local.1 <= 7.5, "{local:?}");
 }

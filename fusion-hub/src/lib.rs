@@ -16,3 +16,5 @@ pub mod replay;
 pub mod report;
 pub mod session;
 pub mod simulate;
+#[cfg(test)]
+mod testing;

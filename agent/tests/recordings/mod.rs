@@ -45,6 +45,18 @@ fn clock(second: i64) -> String {
 
 const VALUES: &str = " 116000000.000 8     -1200.000 8        45.000 8";
 
+/// Header of RINEX 3 for [`one_satellite_epoch`].
+pub const ONE_SATELLITE_HEADER: &str =
+    "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
+G    4 C1C L1C D1C S1C                                      SYS / # / OBS TYPES
+                                                            END OF HEADER
+";
+
+/// RINEX 3 of one satellite at a second after 2020-08-13 14:19:00.
+pub fn one_satellite_epoch(second: u32) -> String {
+    format!("> 2020 08 13 14 19 {second:2}.0000000  0  1\nG07  22100000.000 8{VALUES}\n")
+}
+
 pub fn rinex_3(count: i64) -> Recording {
     let mut header = format!("{:<60}RINEX VERSION / TYPE\n", "     3.04           OBSERVATION DATA    M");
     for system in ['G', 'R'] {

@@ -2,13 +2,13 @@ use std::sync::mpsc::sync_channel;
 
 use cofix_common::fusion::align::AlignOptions;
 use cofix_common::fusion::engine::EngineOptions;
-use cofix_common::integrity::{RaimReport, Verdict};
-use cofix_common::wire::{EpochMessage, KeptMessage, PhoneStatus, StatusMessage, encode};
+use cofix_common::wire::{KeptMessage, PhoneStatus, StatusMessage, encode};
 
 use super::*;
 use crate::network::FusedPublisher;
 use crate::network::recovery::Question;
 use crate::report::scores::Scores;
+use crate::testing::numbered;
 
 /// A live group of two phones, `a` and `b`, whose clock is told; its questions to agents come here.
 struct Bench {
@@ -24,16 +24,7 @@ fn at(seconds: f64) -> GpsTime {
 }
 
 fn epoch_bytes(phone: &str, sequence: u64, second: f64) -> Vec<u8> {
-    let message = EpochMessage {
-        phone: phone.to_owned(),
-        sequence,
-        time_gps: at(second),
-        observations: Vec::new(),
-        wls: None,
-        local: None,
-        raim: RaimReport { verdict: Verdict::CannotBeChecked, global_test: None, excluded: 0 },
-    };
-    encode(&message).unwrap()
+    encode(&numbered(phone, sequence, at(second))).unwrap()
 }
 
 fn arrival(phone: &str, bytes: Vec<u8>) -> Arrival {

@@ -174,23 +174,15 @@ const fn quality(message: Option<&EpochMessage>) -> u8 {
 mod tests {
     use cofix_common::accuracy::Truth;
     use cofix_common::frames::Geodetic;
-    use cofix_common::integrity::RaimReport;
+    use cofix_common::fusion::engine::FusedPhone;
     use cofix_common::time::GpsTime;
     use nalgebra::{SMatrix, SVector};
 
     use super::*;
-    use cofix_common::fusion::engine::FusedPhone;
+    use crate::testing::judged;
 
     fn epoch(time_gps: GpsTime, state: Option<PhoneState>, verdict: Option<Verdict>) -> FusedEpoch {
-        let message = verdict.map(|verdict| EpochMessage {
-            phone: "a, b".to_owned(),
-            sequence: 0,
-            time_gps,
-            observations: Vec::new(),
-            wls: None,
-            local: None,
-            raim: RaimReport { verdict, global_test: None, excluded: 0 },
-        });
+        let message = verdict.map(|verdict| judged("a, b", time_gps, verdict));
         FusedEpoch {
             time_gps,
             phones: vec![FusedPhone { message, state }],

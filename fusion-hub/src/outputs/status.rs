@@ -100,27 +100,19 @@ impl Sink for Status {
 #[cfg(test)]
 mod tests {
     use cofix_common::constraint::{ConstraintAction, Distance};
-    use cofix_common::integrity::{Cause, RaimReport, Verdict};
+    use cofix_common::fusion::engine::FusedPhone;
+    use cofix_common::integrity::{Cause, Verdict};
     use cofix_common::time::GpsTime;
-    use cofix_common::wire::EpochMessage;
 
     use super::*;
-    use cofix_common::fusion::engine::FusedPhone;
+    use crate::testing::judged;
 
     fn at(seconds: f64) -> GpsTime {
         GpsTime::from_week_tow(2118, 397_000.0) + seconds
     }
 
     fn epoch(second: f64, verdict: Verdict, outcome: ConstraintOutcome) -> FusedEpoch {
-        let message = EpochMessage {
-            phone: "a".to_owned(),
-            sequence: 0,
-            time_gps: at(second),
-            observations: Vec::new(),
-            wls: None,
-            local: None,
-            raim: RaimReport { verdict, global_test: None, excluded: 0 },
-        };
+        let message = judged("a", at(second), verdict);
         let constraint = Distance { phones: [0, 1], minimum_m: 0.0, maximum_m: 2.0 }.into();
         let action = ConstraintAction {
             index: 0,

@@ -6,14 +6,14 @@ use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Direction, Ecef, EcefVector};
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
 use cofix_common::gnss::SignalCode;
-use cofix_common::integrity::{Cause, RaimReport, Verdict};
+use cofix_common::integrity::{Cause, Verdict};
 use cofix_common::measurement::{CorrectedObservation, Usage};
 use cofix_common::time::GpsTime;
-use cofix_common::wire::EpochMessage;
 use nalgebra::{SMatrix, SVector};
 
 use super::*;
 use crate::report::scores::ByPhone;
+use crate::testing::judged;
 
 fn names() -> Vec<String> {
     vec!["b".to_owned(), "a".to_owned()]
@@ -21,17 +21,8 @@ fn names() -> Vec<String> {
 
 fn epoch(seconds: f64, verdict: Verdict, actions: Vec<ConstraintAction>) -> FusedEpoch {
     let time_gps = GpsTime::from_week_tow(2118, seconds);
-    let message = EpochMessage {
-        phone: "b".to_owned(),
-        sequence: 0,
-        time_gps,
-        observations: Vec::new(),
-        wls: None,
-        local: None,
-        raim: RaimReport { verdict, global_test: None, excluded: 0 },
-    };
     let phones = vec![
-        FusedPhone { message: Some(message), state: Some(state()) },
+        FusedPhone { message: Some(judged("b", time_gps, verdict)), state: Some(state()) },
         FusedPhone { message: None, state: Some(state()) },
     ];
     FusedEpoch { time_gps, phones, actions, distances: Vec::new() }

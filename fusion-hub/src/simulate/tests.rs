@@ -6,6 +6,7 @@ use cofix_common::orbit::NavigationFile;
 
 use super::*;
 use crate::session::Session;
+use crate::testing::names;
 
 fn arguments(scenario: Kind, out: &Path) -> Arguments {
     Arguments { scenario, out: out.to_owned(), seed: 3, duration: 40.0, phones: None, overwrite: false }
@@ -13,14 +14,6 @@ fn arguments(scenario: Kind, out: &Path) -> Arguments {
 
 fn write(arguments: &Arguments) -> anyhow::Result<PathBuf> {
     simulate(arguments, &Stop::default())
-}
-
-fn names(folder: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).unwrap();
-    let mut names: Vec<String> =
-        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
 }
 
 #[test]

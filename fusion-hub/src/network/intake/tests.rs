@@ -1,24 +1,16 @@
-use cofix_common::integrity::{RaimReport, Verdict};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::{PhoneStatus, encode};
 
 use super::desk::MAXIMUM_RUNS;
 use super::*;
+use crate::testing::numbered;
 
 fn intake() -> Intake {
     Intake::new(&["a".to_owned(), "b".to_owned()])
 }
 
 fn epoch(phone: &str, sequence: u64) -> EpochMessage {
-    EpochMessage {
-        phone: phone.to_owned(),
-        sequence,
-        time_gps: GpsTime::from_week_tow(2118, sequence as f64),
-        observations: Vec::new(),
-        wls: None,
-        local: None,
-        raim: RaimReport { verdict: Verdict::CannotBeChecked, global_test: None, excluded: 0 },
-    }
+    numbered(phone, sequence, GpsTime::from_week_tow(2118, sequence as f64))
 }
 
 fn from(sender: &str, key_phone: &str, bytes: Vec<u8>) -> Arrival {

@@ -1,9 +1,9 @@
-use cofix_common::integrity::{RaimReport, Verdict};
 use cofix_common::time::GpsTime;
-use cofix_common::wire::{EpochMessage, KeptMessage, encode};
+use cofix_common::wire::{KeptMessage, encode};
 
 use super::*;
 use crate::network::intake::Arrival;
+use crate::testing::numbered;
 
 fn arrival(bytes: Vec<u8>) -> Arrival {
     Arrival { phone: "a".to_owned(), sender: Some("x".to_owned()), bytes }
@@ -11,15 +11,7 @@ fn arrival(bytes: Vec<u8>) -> Arrival {
 
 fn send(intake: &mut Intake, sequences: impl IntoIterator<Item = u64>) {
     for sequence in sequences {
-        let message = EpochMessage {
-            phone: "a".to_owned(),
-            sequence,
-            time_gps: GpsTime::from_week_tow(2118, sequence as f64),
-            observations: Vec::new(),
-            wls: None,
-            local: None,
-            raim: RaimReport { verdict: Verdict::CannotBeChecked, global_test: None, excluded: 0 },
-        };
+        let message = numbered("a", sequence, GpsTime::from_week_tow(2118, sequence as f64));
         intake.epoch(&arrival(encode(&message).unwrap()));
     }
 }
