@@ -178,7 +178,7 @@ impl<'a> Prepared<'a> {
         }
         let loaded = Loaded::read(&config.products)?;
         let Loaded { mut products, mut skips, near } = loaded;
-        let reading = Reading { near, log: config.log.clone() };
+        let mut reading = Reading { near, log: config.log.clone(), dates: None };
         let has_orbits = products.has_orbits();
         let mut expected = None;
         let rover = RoverPosition::default();
@@ -198,6 +198,7 @@ impl<'a> Prepared<'a> {
             skips.merge(&survey.skips);
             rover.suppose(survey.station);
             expected = Some(survey.epochs);
+            reading.dates = survey.dates;
         }
         let feed = match &config.corrections {
             none if none.is_none() => None,
@@ -207,7 +208,7 @@ impl<'a> Prepared<'a> {
                 Some(Feed::open(corrections, near, &rover)?)
             }
         };
-        let opened = Opened::open_near(&config.source, &reading, &rover)?;
+        let opened = Opened::open(&config.source, &reading, &rover)?;
         Ok(Self { products, expected, opened, feed, rover, skips })
     }
 }

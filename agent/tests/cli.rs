@@ -3,18 +3,14 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
 mod limits;
+mod recordings;
 
 use std::path::Path;
 
 use assert_cmd::Command;
 
-const HEADER: &str = "     3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
-G    4 C1C L1C D1C S1C                                      SYS / # / OBS TYPES
-                                                            END OF HEADER
-";
-const EPOCH: &str = "> 2020 08 13 14 19  2.0000000  0  1
-G07  22100000.000 8 116000000.000 8     -1200.000 8        45.000 8
-";
+use recordings::{ONE_SATELLITE_HEADER, one_satellite_epoch};
+
 const NAVIGATION: &str = "     3.04           N: GNSS NAV DATA    M: MIXED            RINEX VERSION / TYPE
                                                             END OF HEADER
 R01 2020 08 13 14 15 00-2.458319067955E-05 0.000000000000E+00 3.960000000000E+05
@@ -61,13 +57,17 @@ fn failure(folder: &Path, observations: &str, products: &[&str]) -> String {
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("good.rnx"), format!("{HEADER}{EPOCH}")).unwrap();
+    std::fs::write(
+        folder.path().join("good.rnx"),
+        format!("{ONE_SATELLITE_HEADER}{}", one_satellite_epoch(2)),
+    )
+    .unwrap();
     std::fs::write(folder.path().join("nav.rnx"), NAVIGATION).unwrap();
     let header: String = NAVIGATION.split_inclusive('\n').take(2).collect();
     std::fs::write(folder.path().join("no.nav"), header).unwrap();
-    let cut: String = HEADER.split_inclusive('\n').take(2).collect();
+    let cut: String = ONE_SATELLITE_HEADER.split_inclusive('\n').take(2).collect();
     std::fs::write(folder.path().join("cut.rnx"), cut).unwrap();
-    std::fs::write(folder.path().join("header.rnx"), HEADER).unwrap();
+    std::fs::write(folder.path().join("header.rnx"), ONE_SATELLITE_HEADER).unwrap();
     std::fs::write(folder.path().join("noise.bin"), [0x1f, 0x8b, 8, 0, 1, 2, 3]).unwrap();
     std::fs::write(folder.path().join("noise.txt"), "lorem ipsum").unwrap();
     std::fs::write(folder.path().join("table.csv"), TABLE).unwrap();
@@ -194,8 +194,11 @@ fn compress(bytes: &[u8]) -> Vec<u8> {
 #[test]
 fn packed_recordings_are_read_as_plain_ones() {
     let folder = folder();
-    std::fs::write(folder.path().join("good.rnx.Z"), compress(format!("{HEADER}{EPOCH}").as_bytes()))
-        .unwrap();
+    std::fs::write(
+        folder.path().join("good.rnx.Z"),
+        compress(format!("{ONE_SATELLITE_HEADER}{}", one_satellite_epoch(2)).as_bytes()),
+    )
+    .unwrap();
     let report = |name: &str| {
         let output = command(folder.path(), &["inspect", name]).success().get_output().stdout.clone();
         String::from_utf8(output).unwrap().replace(name, "")
@@ -216,7 +219,7 @@ fn recordings_are_converted() {
 #[test]
 fn conversions_that_fail_destroy_nothing_and_leave_nothing_behind() {
     let folder = folder();
-    let empty = format!("{HEADER}> 2020 08 13 14 19  2.00000x0  0  1\n");
+    let empty = format!("{ONE_SATELLITE_HEADER}> 2020 08 13 14 19  2.00000x0  0  1\n");
     std::fs::write(folder.path().join("empty.rnx"), empty).unwrap();
     std::fs::write(folder.path().join("precious"), "precious").unwrap();
     let before = contents(folder.path());
@@ -373,12 +376,12 @@ fn said(assert: &assert_cmd::assert::Assert) -> String {
 #[test]
 fn inspecting_nothing_fails() {
     let folder = folder();
-    let bad_epoch = format!("{HEADER}> 2020 08 13 14 19  2.00000x0  0  1\n");
+    let bad_epoch = format!("{ONE_SATELLITE_HEADER}> 2020 08 13 14 19  2.00000x0  0  1\n");
     let log = "# Header Description:\n# Raw,a,b\nRaw,1\n";
     let table = TABLE.split_inclusive('\n').next().unwrap();
     for (name, text, what) in [
         ("epochs.rnx", bad_epoch.as_str(), "it holds no epoch; skipped: "),
-        ("header.rnx", HEADER, "it holds no epoch"),
+        ("header.rnx", ONE_SATELLITE_HEADER, "it holds no epoch"),
         ("log.txt", log, "it holds no epoch; skipped: "),
         ("only-names.csv", table, "it holds no epoch"),
         ("no.nav", &NAVIGATION.split_inclusive('\n').take(2).collect::<String>(), "it holds no message"),

@@ -219,7 +219,7 @@ fn recorded_near(phone: &SessionPhone) -> anyhow::Result<GpsTime> {
         .with_context(advice)?;
     let log =
         gnsslogger::Options { shift_weeks: phone.shift_weeks.unwrap_or(0), ..gnsslogger::Options::default() };
-    let mut records = source::open_file(path, &Reading { near: None, log }).with_context(advice)?;
+    let mut records = source::open_file(path, &Reading { log, ..Reading::default() }).with_context(advice)?;
     loop {
         let record = records
             .next(&Stop::default())

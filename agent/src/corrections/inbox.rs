@@ -130,8 +130,9 @@ fn pump(
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use cofix_common::gnss::{EpochFlag, ObservationEpoch};
+
+    use super::*;
 
     fn epoch(second: f64) -> Arrived {
         let time_gps = GpsTime::from_week_tow(2320, second);

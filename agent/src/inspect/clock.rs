@@ -298,8 +298,9 @@ fn common_m(mut changes_m: Vec<f64>) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use cofix_common::gnss::{Constellation, EpochFlag, LossOfLock, Observation};
+
+    use super::*;
 
     /// Satellites with rates of −500 to 500 m/s on a clock that drifts by 30 m/s.
     fn epoch(second: u32, clock_m: f64) -> ObservationEpoch {

@@ -163,9 +163,10 @@ pub fn inspect_any(path: &Path, options: &InspectOptions, stop: &Stop) -> Result
 /// When a file cannot be read or is of no format that is read.
 pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Inspection, SourceError> {
     let loaded = Loaded::read(&options.products)?;
-    let Reading { near, log } = options.reading.clone();
-    let reading = &Reading { near: near.or(loaded.near), log };
-    let mut records = source::open_file(path, reading)?;
+    let mut reading = options.reading.clone();
+    reading.near = reading.near.or(loaded.near);
+    let mut records = source::open_file(path, &reading)?;
+    reading.dates = records.dates().cloned();
     let mut tally = Tally::new(&options.pipeline.correction);
     let mut navigation = OwnNavigation::default();
     while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
@@ -195,7 +196,7 @@ pub fn inspect(path: &Path, options: &InspectOptions, stop: &Stop) -> Result<Ins
     }
     navigation.add_to(&mut products);
     let running = trial::Running::new(products, options.pipeline.clone());
-    Ok(Inspection { trial: Some(trial(path, reading, running, stop)?), ..inspection })
+    Ok(Inspection { trial: Some(trial(path, &reading, running, stop)?), ..inspection })
 }
 
 /// Runs the pipeline over a recording.

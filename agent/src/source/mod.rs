@@ -17,6 +17,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use cofix_common::formats::decode::Record;
 use cofix_common::formats::format::Format;
 use cofix_common::formats::gnsslogger;
+use cofix_common::formats::rtcm::StreamDates;
 use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::skips::Skips;
@@ -27,6 +28,7 @@ use crate::input::ntrip::RoverPosition;
 use crate::input::{LiveSource, Recorded};
 use crate::{Source, Stop};
 
+use dating::Dated;
 pub use error::SourceError;
 use error::{no_epoch, with_hint};
 use products::OwnNavigation;
@@ -43,12 +45,14 @@ pub struct Reading {
     pub near: Option<GpsTime>,
     /// Clock and masks of GnssLogger text.
     pub log: gnsslogger::Options,
+    /// Dates of a stream of RTCM 3, from an earlier reading of the same file.
+    pub dates: Option<StreamDates>,
 }
 
 impl Reading {
     /// The same near another instant.
     pub fn near(&self, near: GpsTime) -> Self {
-        Self { near: Some(near), log: self.log.clone() }
+        Self { near: Some(near), ..self.clone() }
     }
 }
 
@@ -67,6 +71,8 @@ pub struct Survey {
     pub has_phone_states: bool,
     /// What was skipped.
     pub skips: Skips,
+    /// Dates of a stream of RTCM 3.
+    pub dates: Option<StreamDates>,
 }
 
 /// A source, opened: its records come one by one.
@@ -76,13 +82,8 @@ pub(crate) enum Opened<'a> {
 }
 
 impl<'a> Opened<'a> {
-    /// Opens a source.
-    pub(crate) fn open(source: &'a Source, reading: &Reading) -> Result<Self, SourceError> {
-        Self::open_near(source, reading, &RoverPosition::default())
-    }
-
-    /// The same for a rover, whose position a caster gets to hear.
-    pub(crate) fn open_near(
+    /// Opens a source; a caster gets to hear the rover's position.
+    pub(crate) fn open(
         source: &'a Source,
         reading: &Reading,
         rover: &RoverPosition,
@@ -156,7 +157,11 @@ fn source_error(name: &str, path: Option<&Path>, error: RecordsError) -> SourceE
 pub fn open_file(path: &Path, reading: &Reading) -> Result<Records, SourceError> {
     let cause = |cause| SourceError::Read { path: path.to_owned(), kind: KIND, cause };
     let bytes = Box::new(Recorded::open(path).map_err(cause)?);
-    let records = match dating::of_file(path, reading.near).map_err(cause)? {
+    let dated = match reading.dates.clone() {
+        Some(dates) => Some(Dated { dates, notes: Skips::default() }),
+        None => dating::of_file(path, reading.near).map_err(cause)?,
+    };
+    let records = match dated {
         Some(dated) => Records::dated(bytes, dated),
         None => Records::new(bytes, reading.near.unwrap_or_else(now)),
     };
@@ -190,7 +195,7 @@ pub(crate) fn gps_time_of(time: SystemTime) -> GpsTime {
 /// # Errors
 /// When it cannot be read, is of no format that is read, or holds no epoch.
 pub fn survey(source: &Source, reading: &Reading, stop: &Stop) -> Result<Survey, SourceError> {
-    let mut opened = Opened::open(source, reading)?;
+    let mut opened = Opened::open(source, reading, &RoverPosition::default())?;
     let mut survey = Survey::default();
     while let Some(record) = opened.next(stop)? {
         survey.epochs += u64::from(survey.navigation.take(record).is_some());
@@ -202,6 +207,7 @@ pub fn survey(source: &Source, reading: &Reading, stop: &Stop) -> Result<Survey,
         survey.navigation.take_terms(records.decoder());
         survey.station = records.decoder().station();
         survey.skips = records.skips();
+        survey.dates = records.dates().cloned();
     }
     match &opened {
         Opened::Stream { name, .. } if survey.epochs == 0 && !stop.is_requested() => {

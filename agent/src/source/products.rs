@@ -247,8 +247,9 @@ pub(crate) fn note_shortcomings(time_gps: GpsTime, is_first: bool, products: &Pr
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use cofix_common::orbit::NavigationFile;
+
+    use super::*;
 
     const GALILEO: &str = "     3.05           N: GNSS NAV DATA    E: GALILEO          RINEX VERSION / TYPE
                                                             END OF HEADER

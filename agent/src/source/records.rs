@@ -3,6 +3,7 @@
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::format::Format;
 use cofix_common::formats::gnsslogger;
+use cofix_common::formats::rtcm::StreamDates;
 use cofix_common::formats::stream::StreamDecoder;
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
@@ -32,6 +33,8 @@ pub struct Records {
     is_anew: bool,
     /// An instant near the stream's beginning.
     near: GpsTime,
+    /// Dates of a stream of RTCM 3.
+    dates: Option<StreamDates>,
     last: Option<GpsTime>,
     /// What was skipped here; the decoder counts for itself.
     skips: Skips,
@@ -47,6 +50,7 @@ impl Records {
             ended: false,
             is_anew: false,
             near,
+            dates: None,
             last: None,
             skips: Skips::default(),
         }
@@ -56,7 +60,13 @@ impl Records {
     pub(crate) fn dated(bytes: Box<dyn Bytes>, dated: Dated) -> Self {
         let Dated { dates, notes } = dated;
         let near = dates.begins();
-        Self { decoder: StreamDecoder::dated(&dates), skips: notes, ..Self::new(bytes, near) }
+        let decoder = StreamDecoder::dated(&dates);
+        Self { decoder, dates: Some(dates), skips: notes, ..Self::new(bytes, near) }
+    }
+
+    /// Dates of a stream of RTCM 3, where it was recorded.
+    pub(crate) const fn dates(&self) -> Option<&StreamDates> {
+        self.dates.as_ref()
     }
 
     /// The same for GnssLogger text read in another way than by default.

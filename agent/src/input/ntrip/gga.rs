@@ -32,8 +32,9 @@ fn degrees_and_minutes(angle_deg: f64, digits: usize, (positive, negative): (cha
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use cofix_common::frames::Geodetic;
+
+    use super::*;
 
     fn of(latitude_deg: f64, longitude_deg: f64, height_m: f64) -> String {
         let position = Geodetic::from_degrees(latitude_deg, longitude_deg, height_m).geodetic_to_ecef();

@@ -208,9 +208,10 @@ impl Track {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use cofix_common::frames::Geodetic;
     use nalgebra::Vector3;
+
+    use super::*;
 
     #[test]
     fn ellipsoid_reproduces_the_covariance() {
