@@ -4,11 +4,14 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
-use cofix_agent::corrections::{CorrectionSourceError, approximate_position, base_position};
+use cofix_agent::corrections::{approximate_position, base_position};
 use cofix_agent::input::{LiveSource, Trust};
 use cofix_agent::settings::FileSettings;
 use cofix_agent::settings::{LogOptions, Masks};
-use cofix_agent::{AgentConfig, CorrectionSource, Corrections, ProductFiles, ProductSource, Source, Speed};
+use cofix_agent::{
+    AgentConfig, CorrectionSource, CorrectionSourceError, Corrections, ProductFiles, ProductSource, Source,
+    Speed,
+};
 use cofix_common::frames::Ecef;
 use cofix_common::measurement::Ionosphere;
 use cofix_common::time::GpsTime;

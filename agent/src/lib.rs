@@ -10,6 +10,7 @@
 //! Everything here blocks: run an agent on a thread of its own. The hub's `replay` runs several in one process, each with
 //! a Zenoh session of its own.
 
+pub mod clock;
 mod config;
 pub mod convert;
 pub mod corrections;
@@ -23,7 +24,9 @@ pub mod source;
 pub mod status;
 pub mod stop;
 
-pub use config::{AgentConfig, ProductFiles, ProductSource, Source, Speed, SpeedError};
-pub use corrections::{CorrectionSource, Corrections};
+pub use config::{
+    AgentConfig, CorrectionSource, CorrectionSourceError, Corrections, ProductFiles, ProductSource, Source,
+    Speed, SpeedError,
+};
 pub use run::{AgentError, AgentReport, run, run_watched};
 pub use stop::Stop;

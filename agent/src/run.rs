@@ -9,6 +9,7 @@ use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::{EpochMessage, PhoneStatus, check_name};
 
+use crate::clock;
 use crate::corrections::{Feed, News};
 use crate::input::ntrip::RoverPosition;
 use crate::publication::link::{Connection, LinkError};
@@ -204,7 +205,7 @@ impl<'a> Prepared<'a> {
             none if none.is_none() => None,
             corrections => {
                 rover.suppose(corrections.base_position);
-                let near = config.source.near().unwrap_or_else(source::now);
+                let near = config.source.near().unwrap_or_else(clock::now);
                 Some(Feed::open(corrections, near, &rover)?)
             }
         };

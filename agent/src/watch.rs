@@ -4,7 +4,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use cofix_agent::source;
+use cofix_agent::clock;
 use cofix_agent::status::{Board, Moment, Pulse};
 use cofix_common::wire::EpochMessage;
 
@@ -54,7 +54,7 @@ fn watch(phone: &str, published: &Receiver<EpochMessage>) {
     let mut pulse = Pulse::default();
     let mut board = Board::new(1, |line| tracing::info!("{line}"));
     loop {
-        let moment = |now| Moment { now, wall_gps: source::now() };
+        let moment = |now| Moment { now, wall_gps: clock::now() };
         match published.recv_timeout(TICK) {
             Ok(message) => {
                 for alarm in pulse.epoch(&message, message.local.as_ref(), moment(start.elapsed())) {

@@ -11,10 +11,7 @@ use cofix_common::skips::Skips;
 
 use crate::replay::{Plan, PlannedPhone};
 use crate::session::Settings;
-use crate::simulate::Kind;
-
-/// Truth rows of a simulation count as fixed.
-pub(crate) const QUALITY: u8 = 1;
+use crate::simulate::{Kind, QUALITY};
 
 /// What the demonstration simulates: six phones in two cars, in and around an old town of narrow streets.
 pub fn scenario() -> Scenario {

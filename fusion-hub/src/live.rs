@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use cofix_agent::status::Moment;
-use cofix_agent::{Stop, source};
+use cofix_agent::{Stop, clock};
 use cofix_common::fusion::align::{AlignOptions, Aligner};
 use cofix_common::fusion::engine::Engine;
 use zenoh::qos::CongestionControl;
@@ -41,7 +41,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     // A listener that does not keep up must not hold up the hub.
     let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Drop), scores);
     outputs.write_to(&options.files, &session.group, true)?;
-    outputs.show_status(Moment { now: Duration::ZERO, wall_gps: source::now() });
+    outputs.show_status(Moment { now: Duration::ZERO, wall_gps: clock::now() });
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
     let align = session.settings.estimator.align();
     let maximum_wait = options.latency.unwrap_or(align.maximum_wait);

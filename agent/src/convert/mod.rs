@@ -13,6 +13,7 @@ use cofix_common::time::leap_seconds_at;
 use cofix_common::time::{Calendar, GpsTime};
 
 use crate::Stop;
+use crate::clock;
 use crate::files::{Named, OutputError, OutputFile, check_outputs};
 use crate::source::products::{OwnNavigation, is_navigation_file, navigation_file};
 use crate::source::{self, Reading, SourceError};
@@ -201,7 +202,7 @@ impl Contents {
 
 /// The date and time for headers, UTC.
 fn now() -> String {
-    let gps = source::now();
+    let gps = clock::now();
     let Calendar { year, month, day, hour, minute, second } = (gps - leap_seconds_at(gps) as f64).calendar();
     format!("{year:04}{month:02}{day:02} {hour:02}{minute:02}{:02.0} UTC", second.floor())
 }

@@ -11,8 +11,6 @@ mod inbox;
 mod recorded;
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
-use std::str::FromStr;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -20,13 +18,13 @@ use std::time::{Duration, Instant};
 use cofix_common::formats::decode::Record;
 use cofix_common::frames::{Ecef, Geodetic};
 use cofix_common::gnss::ObservationEpoch;
-use cofix_common::measurement::DifferentialOptions;
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 
 use crate::Stop;
+use crate::config::{CorrectionSource, Corrections};
+use crate::input::LOOK;
 use crate::input::ntrip::RoverPosition;
-use crate::input::{AddressError, LOOK, LiveSource};
 use crate::source::SourceError;
 use crate::source::products::OwnNavigation;
 
@@ -37,58 +35,6 @@ use self::recorded::Recorded;
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = -1_000.0..=10_000.0;
 /// How long a thread gets to end.
 const LAST_WORDS: Duration = Duration::from_secs(1);
-
-/// Where corrections come from, and how they are used.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Corrections {
-    /// The sources; each may carry ephemerides and the observations of one base.
-    pub sources: Vec<CorrectionSource>,
-    /// The base's antenna, in place of what its stream states. It holds for all sources.
-    pub base_position: Option<Ecef>,
-    /// Age limit and sigmas.
-    pub options: DifferentialOptions,
-}
-
-impl Corrections {
-    /// Whether there is none.
-    pub const fn is_none(&self) -> bool {
-        self.sources.is_empty()
-    }
-}
-
-/// A source of corrections.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum CorrectionSource {
-    /// A recorded file of any format that is read.
-    File(PathBuf),
-    /// A server.
-    Live(LiveSource),
-}
-
-/// Text that names no source of corrections.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum CorrectionSourceError {
-    /// It is the rover's.
-    #[error("corrections do not come from standard input: name a file, tcp://HOST:PORT or ntrip://…/MOUNT")]
-    StandardInput,
-    /// No address.
-    #[error(transparent)]
-    Address(#[from] AddressError),
-}
-
-impl FromStr for CorrectionSource {
-    type Err = CorrectionSourceError;
-
-    fn from_str(text: &str) -> Result<Self, CorrectionSourceError> {
-        if text == "-" {
-            return Err(CorrectionSourceError::StandardInput);
-        }
-        if LiveSource::is_named_by(text) {
-            return Ok(Self::Live(text.parse()?));
-        }
-        Ok(Self::File(text.into()))
-    }
-}
 
 /// What has come.
 #[derive(Debug, Default)]
@@ -272,17 +218,6 @@ pub fn base_position(text: &str) -> Result<Ecef, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn sources_are_told_apart() {
-        assert_eq!("base.rnx".parse(), Ok(CorrectionSource::File("base.rnx".into())));
-        let caster: CorrectionSource = "ntrip://me:secret@host/M".parse().unwrap();
-        assert!(matches!(caster, CorrectionSource::Live(LiveSource::Ntrip { .. })));
-        assert!(matches!("tcp://h:1".parse(), Ok(CorrectionSource::Live(LiveSource::Tcp { .. }))));
-        assert_eq!("-".parse::<CorrectionSource>(), Err(CorrectionSourceError::StandardInput));
-        let error = "ntrip://me:secret@host".parse::<CorrectionSource>().unwrap_err().to_string();
-        assert!(error.contains("mount point") && !error.contains("secret"), "{error}");
-    }
 
     #[test]
     fn an_approximate_position_is_in_degrees() {

@@ -15,8 +15,8 @@ use cofix_common::time::GpsTime;
 use cofix_common::time::leap_seconds_at;
 
 use crate::Stop;
+use crate::clock;
 use crate::input::{Bytes, Portion, Recorded};
-use crate::source;
 
 /// When a recording was made, and what is to be said about it.
 pub(crate) struct Dated {
@@ -34,9 +34,9 @@ pub(crate) fn of_file(path: &Path, near: Option<GpsTime>) -> io::Result<Option<D
 
 /// When a file was last changed, or now where that cannot be: a clock was not set.
 fn last_change(path: &Path) -> GpsTime {
-    let now = source::now();
+    let now = clock::now();
     let changed = std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
-    let changed = changed.map(|changed: SystemTime| source::gps_time_of(changed));
+    let changed = changed.map(|changed: SystemTime| clock::gps_time_of(changed));
     changed.filter(|changed| changed.week() >= FIRST_WEEK && *changed <= now).unwrap_or(now)
 }
 

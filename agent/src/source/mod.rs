@@ -12,7 +12,6 @@ pub mod records;
 
 use std::path::Path;
 use std::slice;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use cofix_common::formats::decode::Record;
 use cofix_common::formats::format::Format;
@@ -22,11 +21,10 @@ use cofix_common::frames::Ecef;
 use cofix_common::gnss::ObservationEpoch;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
-use cofix_common::time::leap_seconds_at;
 
 use crate::input::ntrip::RoverPosition;
 use crate::input::{LiveSource, Recorded};
-use crate::{Source, Stop};
+use crate::{Source, Stop, clock};
 
 use dating::Dated;
 pub use error::SourceError;
@@ -163,7 +161,7 @@ pub fn open_file(path: &Path, reading: &Reading) -> Result<Records, SourceError>
     };
     let records = match dated {
         Some(dated) => Records::dated(bytes, dated),
-        None => Records::new(bytes, reading.near.unwrap_or_else(now)),
+        None => Records::new(bytes, reading.near.unwrap_or_else(clock::now)),
     };
     Ok(records.with_log_options(reading.log.clone()))
 }
@@ -174,20 +172,7 @@ fn open_live(
     rover: &RoverPosition,
 ) -> Result<Records, SourceError> {
     let bytes = live.open_near(rover).map_err(|cause| SourceError::Live { name: live.to_string(), cause })?;
-    Ok(Records::new(bytes, near.unwrap_or_else(now)))
-}
-
-/// GPS time now, by the computer's clock.
-pub fn now() -> GpsTime {
-    gps_time_of(SystemTime::now())
-}
-
-/// GPS time of an instant of the computer's clock.
-pub(crate) fn gps_time_of(time: SystemTime) -> GpsTime {
-    let unix_s = time.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
-    let epoch = GpsTime::default().as_unix_calendar_nanos() as f64 * 1e-9;
-    let utc = GpsTime::default() + (unix_s - epoch);
-    utc + leap_seconds_at(utc) as f64
+    Ok(Records::new(bytes, near.unwrap_or_else(clock::now)))
 }
 
 /// Reads a recorded source once, to its end. A live one cannot be surveyed.

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use cofix_agent::status::Moment;
-use cofix_agent::{Stop, source};
+use cofix_agent::{Stop, clock};
 use cofix_common::fusion::align::{Aligner, NoticeKind};
 use cofix_common::fusion::engine::Engine;
 use cofix_common::skips::Skips;
@@ -145,7 +145,7 @@ impl Group {
                 Err(RecvTimeoutError::Disconnected) => break,
             };
             let batch = first.into_iter().chain(events.try_iter().take(BATCH));
-            self.step(batch, clock.tick(), source::now())?;
+            self.step(batch, clock.tick(), clock::now())?;
         }
         if stop.is_requested() && self.course == Course::Replay {
             bail!("stopped before the end of the session");

@@ -7,8 +7,7 @@ use cofix_agent::status::Moment;
 use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::skips::Skips;
 
-use crate::outputs::recorder::Reference;
-use crate::report::scores::Scores;
+use crate::report::scores::{Reference, Scores};
 
 /// A consumer of fused epochs. An error of `epoch` or `tick` ends that sink (see [`Sink::give_up`]) and nothing else; it is told
 /// at the end of the run, which then fails.

@@ -9,10 +9,25 @@ use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
 use cofix_common::time::GpsTime;
 use serde::Serialize;
 
-use crate::outputs::recorder::Reference;
-
 /// Accuracy by phone; `None` for a phone that cannot be scored.
 pub type ByPhone = BTreeMap<String, Option<Accuracy>>;
+
+/// True position of a phone; `None` without truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reference {
+    /// At the receive time of the phone's message: scores the agent's estimates.
+    pub at_message: Option<Ecef>,
+    /// At the common time of the epoch: scores the hub's estimate, and is drawn.
+    pub at_epoch: Option<Ecef>,
+}
+
+impl Reference {
+    /// Looks the truth of one phone up at both times of an epoch.
+    pub fn look_up(epoch: &FusedEpoch, phone: usize, truth: impl Fn(GpsTime) -> Option<Ecef>) -> Self {
+        let message = epoch.phones.get(phone).and_then(|p| p.message.as_ref());
+        Self { at_message: message.and_then(|m| truth(m.time_gps)), at_epoch: truth(epoch.time_gps) }
+    }
+}
 
 /// Accuracy by method and phone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -23,6 +23,9 @@ const LONGEST_S: f64 = 86_400.0;
 /// Most phones: the joint filter is dense.
 const MOST_PHONES: u8 = 12;
 
+/// Truth rows of a simulation count as fixed.
+pub(crate) const QUALITY: u8 = 1;
+
 /// A scenario by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Kind {

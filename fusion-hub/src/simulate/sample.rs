@@ -10,8 +10,8 @@ use cofix_common::formats::rinex::{
 };
 use cofix_common::simulation::Simulation;
 
+use super::QUALITY;
 use super::folder::Put;
-use crate::demo::QUALITY;
 
 /// The file of the navigation messages.
 pub(super) const NAVIGATION: &str = "navigation.rnx";

@@ -13,7 +13,8 @@ use cofix_common::measurement::{CorrectedObservation, Usage};
 use cofix_common::solve::{Dops, PointSolution};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
-use cofix_hub::outputs::recorder::{Recorder, RecorderConfig, Reference};
+use cofix_hub::outputs::recorder::{Recorder, RecorderConfig};
+use cofix_hub::report::scores::Reference;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// First epoch of the session: 2020-08-13 14:30:00 GPS time.

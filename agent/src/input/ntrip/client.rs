@@ -11,9 +11,9 @@ use super::chunks::{Chunks, Damaged};
 use super::gga;
 use super::reply::{Reply, read_reply};
 use crate::Stop;
+use crate::clock;
 use crate::input::connection::{Dial, DialError, is_no_news};
 use crate::input::{PORTION_BYTES, tcp, tls};
-use crate::source;
 
 /// Longest wait for a caster's reply.
 const REPLY: Duration = Duration::from_secs(10);
@@ -145,7 +145,7 @@ impl Dial for Client {
 }
 
 fn sentence_now(position: Ecef) -> String {
-    gga::sentence(position, source::now())
+    gga::sentence(position, clock::now())
 }
 
 /// A connection to a caster, be it within TLS or not.

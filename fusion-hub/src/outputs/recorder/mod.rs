@@ -56,7 +56,6 @@ use cofix_common::frames::{Ecef, LocalFrame};
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
 use cofix_common::recording::ACCURACY;
 use cofix_common::skips::{Reason, Skips};
-use cofix_common::time::GpsTime;
 use rerun::{RecordingInfo, TextDocument, components::MediaType};
 
 use self::entity::palette;
@@ -66,6 +65,7 @@ use self::phone::{Epoch, PhoneRecorder, recordable};
 pub use self::rrd::RecorderError;
 use self::rrd::RrdFile;
 use self::track::drawable;
+use crate::report::scores::Reference;
 
 /// Epochs between two writes. A crash loses at most these; fewer make a larger file.
 const EPOCHS_PER_SEGMENT: usize = 512;
@@ -77,15 +77,6 @@ pub struct RecorderConfig {
     pub group: String,
     /// The phones' names in the group's order.
     pub phones: Vec<String>,
-}
-
-/// Where a phone truly was; `None` without truth.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reference {
-    /// At the receive time of the phone's message: scores the agent's estimates.
-    pub at_message: Option<Ecef>,
-    /// At the common time of the epoch: scores the hub's estimate, and is drawn.
-    pub at_epoch: Option<Ecef>,
 }
 
 /// What a finished recording amounts to.
@@ -114,14 +105,6 @@ pub struct Recorder {
     /// When the oldest epoch that is not written came.
     unwritten_since: Option<Instant>,
     skips: Skips,
-}
-
-impl Reference {
-    /// Looks the truth of one phone up at both times of an epoch.
-    pub fn look_up(epoch: &FusedEpoch, phone: usize, truth: impl Fn(GpsTime) -> Option<Ecef>) -> Self {
-        let message = epoch.phones.get(phone).and_then(|p| p.message.as_ref());
-        Self { at_message: message.and_then(|m| truth(m.time_gps)), at_epoch: truth(epoch.time_gps) }
-    }
 }
 
 impl Recorder {

@@ -9,13 +9,13 @@ use cofix_common::wire::EpochMessage;
 use nalgebra::Matrix3;
 use rerun::{Color, TextLogLevel};
 
-use super::Reference;
 use super::entity::{Method, phone_path};
 use super::rrd::{RecorderError, RrdFile};
 use super::series::{LogLines, Series, Style};
 use super::signals::Signals;
 use super::track::{Ellipsoid, Track, drawable, ellipsoid};
 use crate::report::satellites_used;
+use crate::report::scores::Reference;
 
 /// What a phone's epoch is recorded at.
 #[derive(Clone, Copy)]

@@ -1,5 +1,7 @@
 //! What an agent is told.
 
+mod corrections;
+
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -12,10 +14,11 @@ use cofix_common::orbit::Products;
 use cofix_common::pipeline::PipelineOptions;
 use cofix_common::time::GpsTime;
 
-use crate::corrections::Corrections;
 use crate::input::LiveSource;
 use crate::publication::UNANSWERED;
 use crate::publication::link::LONGEST_BLOCK;
+
+pub use corrections::{CorrectionSource, CorrectionSourceError, Corrections};
 
 /// Everything about one agent's run.
 #[derive(Clone, Debug)]
