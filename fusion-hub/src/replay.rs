@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
 use cofix_agent::settings::{LogOptions, MaskError};
+use cofix_agent::source::products::Loaded;
 use cofix_agent::source::{self, Reading};
 use cofix_agent::{AgentConfig, ProductSource, Source, Speed, Stop};
 use cofix_common::accuracy::Truth;
@@ -99,7 +100,7 @@ impl Plan {
     /// # Errors
     /// When a phone has no observations or a truth file cannot be used.
     pub fn from_session(session: &Session) -> anyhow::Result<Self> {
-        let (truths, truth_skips) = read_truths_counted(&session.phones)?;
+        let (truths, truth_skips) = read_truths(&session.phones)?;
         let phones: anyhow::Result<Vec<_>> =
             session.phones.iter().zip(truths).map(|(phone, (_, truth))| planned(phone, truth)).collect();
         Ok(Self {
@@ -143,13 +144,9 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
             phone.name
         )
     })?;
-    let source = match phone.date {
-        Some(near) => Source::DatedFile { path: observations, near },
-        None => Source::File(observations),
-    };
     Ok(PlannedPhone {
         name: phone.name.clone(),
-        source,
+        source: Source::File { path: observations, near: phone.date },
         truth,
         recorded_corrections: phone.recorded_corrections,
         shift_weeks: phone.shift_weeks,
@@ -160,19 +157,11 @@ fn planned(phone: &SessionPhone, truth: Option<Truth>) -> anyhow::Result<Planned
 /// Phones' names and truths.
 pub type NamedTruths = Vec<(String, Option<Truth>)>;
 
-/// Reads the phones' truths, each file once; phones are in order, with their names.
+/// Reads the phones' truths, each file once, in the order of the phones; with the rows skipped.
 ///
 /// # Errors
 /// When a file cannot be read or holds no truth.
-pub fn read_truths(phones: &[SessionPhone]) -> anyhow::Result<NamedTruths> {
-    read_truths_counted(phones).map(|(truths, _)| truths)
-}
-
-/// Like [`read_truths`], with what was skipped.
-///
-/// # Errors
-/// When a file cannot be read or holds no truth.
-pub fn read_truths_counted(phones: &[SessionPhone]) -> anyhow::Result<(NamedTruths, Skips)> {
+pub fn read_truths(phones: &[SessionPhone]) -> anyhow::Result<(NamedTruths, Skips)> {
     let mut skips = Skips::default();
     let mut known: BTreeMap<&Path, Truth> = BTreeMap::new();
     let mut truths = Vec::with_capacity(phones.len());
@@ -247,7 +236,7 @@ fn merge_named(skips: &mut Skips, doing: &str, more: &Skips, place: &str) {
 /// # Errors
 /// When a file cannot be used, an agent fails, a message is lost, an output cannot be written, or nothing could be fused.
 pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
-    let (products, product_skips) = source::products(&plan.products)?;
+    let Loaded { products, skips: product_skips, .. } = Loaded::read(&plan.products)?;
     if !product_skips.is_empty() {
         tracing::info!("products: {product_skips}");
     }
@@ -404,7 +393,7 @@ mod tests {
                 date,
                 exclude: Vec::new(),
             };
-            let truths = read_truths(&[phone]).map_err(|error| format!("{error:#}"))?;
+            let (truths, _) = read_truths(&[phone]).map_err(|error| format!("{error:#}"))?;
             Ok::<_, String>(truths[0].1.as_ref().unwrap().span().unwrap().0.week())
         };
         let week_of = |observations, date| shifted_week_of(None, observations, date);
@@ -450,7 +439,7 @@ mod tests {
             date: None,
             exclude: Vec::new(),
         };
-        let (truths, skips) = read_truths_counted(&[phone("a"), phone("b")]).unwrap();
+        let (truths, skips) = read_truths(&[phone("a"), phone("b")]).unwrap();
         assert!(truths.iter().all(|(_, truth)| truth.is_some()));
         assert_eq!(skips.total(), 1, "one file, read once: {skips}");
         let (reason, skip) = skips.iter().next().unwrap();

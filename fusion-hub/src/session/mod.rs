@@ -310,7 +310,7 @@ fn corrections(
     // All keys may stand in a file with their usual values.
     let usual_age_s = Estimator::preset(preset).correction.maximum_age_s;
     let stray = table.base_position_m.is_some() || estimator.correction.maximum_age_s != usual_age_s;
-    if stray && corrections.is_none() {
+    if stray && corrections.sources.is_empty() {
         return Err("[correction] base_position_m and maximum_age_s need sources".to_owned());
     }
     Ok(corrections)
