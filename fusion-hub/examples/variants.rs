@@ -24,9 +24,10 @@ use cofix_common::measurement::{CorrectionOptions, Ionosphere};
 use cofix_common::orbit::Products;
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::wire::EpochMessage;
-use cofix_hub::replay::{Plan, read_truths};
+use cofix_hub::replay::Plan;
 use cofix_hub::report::scores::{ByPhone, Methods, Scores};
 use cofix_hub::session::Session;
+use cofix_hub::session::truths::read_truths;
 
 /// A way to run a session.
 struct Variant {

@@ -11,10 +11,11 @@ use zenoh::qos::CongestionControl;
 use crate::group::{Course, Group, Parts};
 use crate::network::Network;
 use crate::outputs::{OutputFiles, Outputs};
-use crate::replay::{Outcome, outcome, read_truths};
+use crate::replay::{Outcome, outcome};
 use crate::report::SettingsReport;
 use crate::report::scores::Scores;
 use crate::session::Session;
+use crate::session::truths::read_truths;
 
 /// How a live hub runs.
 #[derive(Clone, Debug)]

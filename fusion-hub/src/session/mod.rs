@@ -71,6 +71,7 @@ mod constraint;
 pub mod files;
 mod rules;
 mod text;
+pub mod truths;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
