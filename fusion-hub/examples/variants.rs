@@ -122,7 +122,7 @@ fn main() -> anyhow::Result<()> {
     println!("| session | variant | wls p50/p95 m | local | joint |");
     println!("|:--------|:--------|:--------------|:------|:------|");
     for path in &paths {
-        let session = Session::read_with_data(Path::new(path), Some(&data))?;
+        let session = Session::read(Path::new(path), Some(&data))?;
         let plan = Plan::from_session(&session)?;
         let products = Loaded::read(&plan.products)?.products;
         anyhow::ensure!(products.has_orbits(), "{path}: no orbits in its [products]");
@@ -140,7 +140,7 @@ fn bands(data: &Path, paths: &[String]) -> anyhow::Result<()> {
     println!("\n| session | phone | signals | epochs of wls | wls p50/p95 m | local |");
     println!("|:--------|:------|:--------|--------------:|:--------------|:------|");
     for path in paths {
-        let session = Session::read_with_data(Path::new(path), Some(data))?;
+        let session = Session::read(Path::new(path), Some(data))?;
         let plan = Plan::from_session(&session)?;
         let products = Loaded::read(&plan.products)?.products;
         for variant in band_variants() {

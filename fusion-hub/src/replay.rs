@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn what_is_excluded_of_one_phone_comes_to_what_is_excluded_of_all() {
         let text = "group = 'g'\n[[phone]]\nname = 'a'\nobservations = 'a'\nexclude = ['C:1C']\n[[phone]]\nname = 'b'\nobservations = 'b'\n[masks]\nexclude = ['E']";
-        let plan = Plan::from_session(&Session::parse(text, Path::new("s.toml")).unwrap()).unwrap();
+        let plan = Plan::from_session(&Session::parse(text, Path::new("s.toml"), None).unwrap()).unwrap();
         let excluded = |phone: usize| {
             let options = plan.pipeline(&plan.phones[phone]).unwrap();
             options.correction.exclude.iter().map(ToString::to_string).collect::<Vec<_>>()

@@ -31,7 +31,7 @@ fn both(kind: Kind, folder: &std::path::Path) -> (Plan, Plan) {
         phones: None,
         overwrite: false,
     };
-    let session = Session::read(&simulate(&arguments, &Stop::default()).unwrap()).unwrap();
+    let session = Session::read(&simulate(&arguments, &Stop::default()).unwrap(), None).unwrap();
     (Plan::from_session(&session).unwrap(), demo::plan(arguments.scenario()).unwrap())
 }
 

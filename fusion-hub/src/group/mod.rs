@@ -226,9 +226,9 @@ impl Group {
                 bail!("{name}: no epoch with a usable observation, so there is nothing to fuse: {why}");
             }
         }
-        if self.parts.phones.len() > 1 && tally.common_epochs() == 0 {
+        if self.parts.phones.len() > 1 && tally.common_epochs == 0 {
             let span = |(index, name): (usize, &String)| {
-                let span = tally.span(index);
+                let span = tally.span_of(index);
                 span.map_or_else(|| format!("{name} has none"), |(a, b)| format!("{name} from {a} to {b}"))
             };
             let spans: Vec<String> = self.parts.phones.iter().enumerate().map(span).collect();

@@ -198,37 +198,25 @@ pub enum SessionError {
 }
 
 impl Session {
-    /// Reads a session file. Its paths are relative to its own folder.
-    ///
-    /// # Errors
-    /// See [`SessionError`].
-    pub fn read(path: &Path) -> Result<Self, SessionError> {
-        Self::read_with_data(path, None)
-    }
-
     /// Reads a session file whose paths are relative to the folder `data`; to its own without one.
     ///
     /// # Errors
     /// See [`SessionError`].
-    pub fn read_with_data(path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
+    pub fn read(path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
         let text = std::fs::read_to_string(path)
             .map_err(|cause| SessionError::Read { path: path.to_owned(), cause })?;
         if let Some(folder) = data.filter(|folder| !folder.is_dir()) {
             let reason = format!("its data should lie in {}, which is no folder", folder.display());
             return Err(SessionError::Invalid { path: path.to_owned(), reason });
         }
-        Self::parse_with_data(&text, path, data)
+        Self::parse(&text, path, data)
     }
 
-    /// Reads the text of a session file that lies at `path`.
+    /// Reads the text of a session file that lies at `path`; its paths are relative as of [`Session::read`].
     ///
     /// # Errors
     /// See [`SessionError`].
-    pub fn parse(text: &str, path: &Path) -> Result<Self, SessionError> {
-        Self::parse_with_data(text, path, None)
-    }
-
-    fn parse_with_data(text: &str, path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
+    pub fn parse(text: &str, path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
         let file: text::SessionFile = toml::from_str(text).map_err(|error| SessionError::Text {
             path: path.to_owned(),
             message: with_advice(&error, text),
