@@ -253,10 +253,7 @@ impl Publish {
         if LiveSource::is_named_by(name) {
             return Ok(Source::Live { from: name.parse()?, near: self.date });
         }
-        Ok(match self.date {
-            Some(near) => Source::DatedFile { path: name.into(), near },
-            None => Source::File(name.into()),
-        })
+        Ok(Source::File { path: name.into(), near: self.date })
     }
 }
 

@@ -12,9 +12,9 @@ use cofix_common::wire::{EpochMessage, PhoneStatus, check_name};
 use crate::clock;
 use crate::corrections::{Feed, News};
 use crate::input::ntrip::RoverPosition;
-use crate::publication::link::{Connection, LinkError};
+use crate::publication::link::{self, LinkError};
 use crate::publication::pace::Pace;
-use crate::publication::{Publication, PublicationError, Publisher};
+use crate::publication::{Publication, PublicationError};
 use crate::source::products::{Loaded, OwnNavigation, note_shortcomings};
 use crate::source::{self, Opened, Reading, SourceError};
 use crate::{AgentConfig, Source, Speed, Stop};
@@ -95,22 +95,11 @@ pub fn run_watched(
         check_name(name).map_err(PublicationError::from)?;
     }
     let Prepared { products, expected, mut opened, feed, rover, mut skips } = Prepared::new(config, stop)?;
-    let connection = Connection {
-        endpoints: &config.connect,
-        patience: config.patience,
-        longest_block: config.longest_block(),
-    };
-    let Some(session) = connection.open(stop)? else {
+    let Some(session) = link::connect(config, stop)? else {
         let corrections = DifferentialCounts::default();
         return Ok(AgentReport { epochs_published: 0, solutions: 0, stopped: true, corrections, skips });
     };
-    let publisher = Publisher {
-        group: &config.group,
-        phone: &config.phone,
-        kept_messages: config.kept_messages,
-        longest_stall: config.longest_stall(),
-    };
-    let publication = Publication::declare(session, publisher)?;
+    let publication = Publication::declare(session, config)?;
     let mut pipeline = PhonePipeline::new(&config.phone, Arc::clone(&products), config.pipeline.clone());
     if feed.is_some() {
         pipeline.use_bases(config.corrections.options);
@@ -174,7 +163,7 @@ struct Prepared<'a> {
 
 impl<'a> Prepared<'a> {
     fn new(config: &'a AgentConfig, stop: &Stop) -> Result<Self, AgentError> {
-        if config.pipeline.recorded_corrections && !config.corrections.is_none() {
+        if config.pipeline.recorded_corrections && !config.corrections.sources.is_empty() {
             return Err(AgentError::TwoCorrections);
         }
         let loaded = Loaded::read(&config.products)?;
@@ -191,7 +180,7 @@ impl<'a> Prepared<'a> {
         } else {
             let survey = source::survey(&config.source, &reading, stop)?;
             let states_its_own = survey.has_corrections && config.pipeline.recorded_corrections;
-            let others = states_its_own || survey.has_phone_states || !config.corrections.is_none();
+            let others = states_its_own || survey.has_phone_states || !config.corrections.sources.is_empty();
             if !has_orbits && survey.navigation.is_empty() && !others && !stop.is_requested() {
                 return Err(SourceError::NoProducts.into());
             }
@@ -201,13 +190,12 @@ impl<'a> Prepared<'a> {
             expected = Some(survey.epochs);
             reading.dates = survey.dates;
         }
-        let feed = match &config.corrections {
-            none if none.is_none() => None,
-            corrections => {
-                rover.suppose(corrections.base_position);
-                let near = config.source.near().unwrap_or_else(clock::now);
-                Some(Feed::open(corrections, near, &rover)?)
-            }
+        let feed = if config.corrections.sources.is_empty() {
+            None
+        } else {
+            rover.suppose(config.corrections.base_position);
+            let near = config.source.near().unwrap_or_else(clock::now);
+            Some(Feed::open(&config.corrections, near, &rover)?)
         };
         let opened = Opened::open(&config.source, &reading, &rover)?;
         Ok(Self { products, expected, opened, feed, rover, skips })
@@ -361,7 +349,7 @@ fn finish(
 
 fn summary(config: &AgentConfig) -> String {
     let source = match &config.source {
-        Source::File(path) | Source::DatedFile { path, .. } => path.display().to_string(),
+        Source::File { path, .. } => path.display().to_string(),
         Source::Live { from, .. } => return format!("{from}, live"),
         Source::Epochs(_) => "epochs in memory".to_owned(),
     };
@@ -401,7 +389,8 @@ EOF
         std::fs::write(&path, OBSERVATIONS).unwrap();
         let products = Products::new(vec![Sp3::parse(ORBITS.as_bytes()).unwrap()], Vec::new());
         let products = ProductSource::Loaded(Arc::new(products));
-        let config = AgentConfig { products, ..AgentConfig::new("g", "p", Source::File(path)) };
+        let config =
+            AgentConfig { products, ..AgentConfig::new("g", "p", Source::File { path, near: None }) };
         let prepared = Prepared::new(&config, &Stop::default()).unwrap();
         let channel = |satellite: &str| {
             let time = "2020-08-13T14:19:02".parse().unwrap();

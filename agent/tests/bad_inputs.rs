@@ -37,7 +37,10 @@ fn near() -> GpsTime {
 }
 
 fn options() -> InspectOptions {
-    InspectOptions { reading: Reading::default().near(near()), ..InspectOptions::default() }
+    InspectOptions {
+        reading: Reading { near: Some(near()), ..Reading::default() },
+        ..InspectOptions::default()
+    }
 }
 
 struct Bench {
@@ -65,7 +68,7 @@ impl Bench {
         let named = |skips: &str| reason.is_empty() == skips.is_empty() && skips.contains(reason);
         assert!(named(&said), "{what}: '{reason}' is not in: {said}");
         assert!(inspection.to_string().contains(reason), "{what}: {inspection}");
-        let source = Source::DatedFile { path: path.clone(), near: near() };
+        let source = Source::File { path: path.clone(), near: Some(near()) };
         let survey = survey(&source, &Reading::default(), &Stop::default()).unwrap();
         assert_eq!((survey.epochs, survey.skips.to_string()), (epochs, said), "{what}");
         self.converts(what, &path, epochs, reason);
@@ -87,7 +90,7 @@ impl Bench {
 fn refused(what: &str, path: &Path) -> String {
     let error = inspect(path, &options(), &Stop::default()).unwrap_err().to_string();
     assert!(error.contains(&path.display().to_string()), "{what}: {error}");
-    let source = Source::DatedFile { path: path.to_owned(), near: near() };
+    let source = Source::File { path: path.to_owned(), near: Some(near()) };
     let surveyed = survey(&source, &Reading::default(), &Stop::default()).unwrap_err().to_string();
     assert_eq!(surveyed, error, "{what}");
     error
@@ -337,7 +340,7 @@ fn empty_files_and_folders_are_refused() {
     assert!(error.contains("directory"), "{error}");
     for recording in all().into_iter().filter(|recording| recording.is_text) {
         let path = bench.file("header alone", &recording.header);
-        let source = Source::DatedFile { path, near: near() };
+        let source = Source::File { path, near: Some(near()) };
         let error = survey(&source, &Reading::default(), &Stop::default()).unwrap_err().to_string();
         assert!(error.contains("it holds no epoch"), "{}: {error}", recording.name);
     }

@@ -44,7 +44,7 @@ fn the_hub_hears_what_was_skipped() {
         let path = folder.path().join("spoiled");
         std::fs::write(&path, recording.bytes()).unwrap();
         let hub = Hub::listen();
-        let source = Source::DatedFile { path, near: "2020-08-13T14:00:00".parse().unwrap() };
+        let source = Source::File { path, near: "2020-08-13T14:00:00".parse().ok() };
         let products = ProductSource::Loaded(Arc::new(orbits.products()));
         let config = AgentConfig { products, ..hub.agent(source) };
         let report = run(&config, &Stop::default()).unwrap();
@@ -98,7 +98,7 @@ fn a_hub_of_another_version_is_named() {
     for (answer, due) in answers.into_iter().zip(["1 bytes is shorter", "wire version 99"]) {
         let hub = Hub::listen_and_answer(answer);
         let products = ProductSource::Loaded(Arc::new(orbits.products()));
-        let config = AgentConfig { products, ..hub.agent(Source::File(path.clone())) };
+        let config = AgentConfig { products, ..hub.agent(Source::File { path: path.clone(), near: None }) };
         let error = run(&config, &Stop::default()).unwrap_err().to_string();
         assert!(error.contains(due) && error.contains("this agent speaks wire version 2"), "{error}");
     }

@@ -9,7 +9,8 @@ mod tracks;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use cofix_agent::source::{Reading, open_file, products};
+use cofix_agent::source::products::Loaded;
+use cofix_agent::source::{Reading, open_file};
 use cofix_agent::{ProductFiles, ProductSource, Stop};
 use cofix_common::accuracy::{Accuracy, Truth};
 use cofix_common::formats::decode::Record;
@@ -99,7 +100,7 @@ fn a_table_of_bands() {
         navigation: vec![navigation],
         ..ProductFiles::default()
     });
-    let (products, _) = products(&source).unwrap();
+    let products = Loaded::read(&source).unwrap().products;
     println!("| drive | phone | signals | per epoch | wls p50 / p95, up (epochs) | local |");
     for session in ["WH-3-08", "WH-3-09", "WH-4-06"] {
         for phone in ["HP30", "XIM8"] {

@@ -76,7 +76,7 @@ impl World {
     /// The rover's recording as a file.
     fn recording(&self, folder: &Path) -> Source {
         let epochs: Vec<_> = self.rover.iter().map(|simulated| simulated.epoch.clone()).collect();
-        Source::File(write(folder, "rover.rnx", &rinex(&epochs, None)))
+        Source::File { path: write(folder, "rover.rnx", &rinex(&epochs, None)), near: None }
     }
 
     /// The base's first epoch, from where it is said to stand.
@@ -261,13 +261,13 @@ fn ephemerides_of_a_server_are_enough_for_positions() {
     let backoff =
         Backoff { first: millisecond, longest: millisecond, attempts: 1, silence: Duration::from_hours(1) };
     let server = LiveSource::Tcp { address, backoff };
-    let Source::File(path) = world.recording(folder.path()) else { panic!("a file") };
+    let Source::File { path, .. } = world.recording(folder.path()) else { panic!("a file") };
     let near = world.rover[0].epoch.time_gps;
     let hub = Hub::listen();
     let none = ProductSource::default();
     let report = run_agent(
         &hub,
-        Source::DatedFile { path, near },
+        Source::File { path, near: Some(near) },
         none,
         corrections(CorrectionSource::Live(server), None),
     );

@@ -108,7 +108,7 @@ fn without_ephemerides_a_recording_ends_before_its_last_change() {
 fn surveys_date_as_readings_do() {
     let bench = Bench(tempfile::tempdir().unwrap());
     bench.inspect(&stream(true), 30.0, None);
-    let source = Source::File(bench.0.path().join("recording.rtcm3"));
+    let source = Source::File { path: bench.0.path().join("recording.rtcm3"), near: None };
     let survey = cofix_agent::source::survey(&source, &Reading::default(), &Stop::default()).unwrap();
     assert_eq!((survey.epochs, survey.navigation.file.ephemerides.len()), (4, 2));
     let toe = GpsTime::from_week_tow(2_111, 597_600.0);

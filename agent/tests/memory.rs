@@ -48,11 +48,11 @@ fn peaks(format: fn(i64) -> Recording, epochs: i64) -> [usize; 3] {
     let folder = tempfile::tempdir().unwrap();
     let path = file(folder.path(), &format(epochs));
     let near: GpsTime = "2020-08-13T14:00:00".parse().unwrap();
-    let reading = Reading::default().near(near);
+    let reading = Reading { near: Some(near), ..Reading::default() };
     let options = InspectOptions { reading: reading.clone(), ..InspectOptions::default() };
     let stop = Stop::default();
     let count = u64::try_from(epochs).unwrap();
-    let source = Source::DatedFile { path: path.clone(), near };
+    let source = Source::File { path: path.clone(), near: Some(near) };
     let outputs = Outputs { observations: Some(folder.path().join("out.rnx")), ..Outputs::default() };
     let converted = || convert(std::slice::from_ref(&path), &outputs, &reading, &stop).unwrap().epochs;
     [

@@ -30,7 +30,7 @@ const TRANSMISSION: usize = 27;
 fn published(log: PathBuf, navigation: Vec<PathBuf>) -> Vec<EpochMessage> {
     let hub = Hub::listen();
     let products = ProductSource::Files(ProductFiles { navigation, ..ProductFiles::default() });
-    let config = AgentConfig { products, ..hub.agent(Source::File(log)) };
+    let config = AgentConfig { products, ..hub.agent(Source::File { path: log, near: None }) };
     let report = run(&config, &Stop::default()).unwrap();
     hub.receive(usize::try_from(report.epochs_published).unwrap())
 }

@@ -84,8 +84,12 @@ fn states_that_the_phone_gives_stand_in_for_products() {
     assert_eq!(skips.count(Reason::RecordedSatelliteStateUsed), 18, "{skips}");
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), log(0)).unwrap();
-    let survey =
-        survey(&Source::File(file.path().to_owned()), &Reading::default(), &Stop::default()).unwrap();
+    let survey = survey(
+        &Source::File { path: file.path().to_owned(), near: None },
+        &Reading::default(),
+        &Stop::default(),
+    )
+    .unwrap();
     assert!(survey.has_phone_states && survey.has_corrections);
 }
 

@@ -43,7 +43,9 @@ fn a_table_needs_no_products_and_a_bare_one_does() {
         file(format!("{HEADER}{}", row("-2179862.557,-26154875.769,-3437694.371,325,-419,3129")).as_bytes());
     let bare = file(format!("{HEADER}{}", row(",,,,,")).as_bytes());
     let has = |path: PathBuf| {
-        survey(&Source::File(path), &Reading::default(), &Stop::default()).unwrap().has_corrections
+        survey(&Source::File { path, near: None }, &Reading::default(), &Stop::default())
+            .unwrap()
+            .has_corrections
     };
     assert!(has(whole.path().to_owned()));
     assert!(!has(bare.path().to_owned()));

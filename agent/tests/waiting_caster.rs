@@ -71,7 +71,7 @@ fn recording(folder: &Path, position: Option<Ecef>) -> Source {
     }
     let path = folder.join("phone.rnx");
     std::fs::write(&path, recording.bytes()).unwrap();
-    Source::File(path)
+    Source::File { path, near: None }
 }
 
 fn base() -> Vec<u8> {

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
+use cofix_agent::source::products::Loaded;
 use cofix_agent::{Source, Stop, source};
 use cofix_common::accuracy::Accuracy;
 use cofix_common::constraint::{ConstraintOptions, DistanceModel, Enlargement, Method};
@@ -23,9 +24,10 @@ use cofix_common::measurement::{CorrectionOptions, Ionosphere};
 use cofix_common::orbit::Products;
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::wire::EpochMessage;
-use cofix_hub::replay::{Plan, read_truths};
+use cofix_hub::replay::Plan;
 use cofix_hub::report::scores::{ByPhone, Methods, Scores};
 use cofix_hub::session::Session;
+use cofix_hub::session::truths::read_truths;
 
 /// A way to run a session.
 struct Variant {
@@ -120,9 +122,9 @@ fn main() -> anyhow::Result<()> {
     println!("| session | variant | wls p50/p95 m | local | joint |");
     println!("|:--------|:--------|:--------------|:------|:------|");
     for path in &paths {
-        let session = Session::read_with_data(Path::new(path), Some(&data))?;
+        let session = Session::read(Path::new(path), Some(&data))?;
         let plan = Plan::from_session(&session)?;
-        let (products, _) = source::products(&plan.products)?;
+        let products = Loaded::read(&plan.products)?.products;
         anyhow::ensure!(products.has_orbits(), "{path}: no orbits in its [products]");
         for variant in variants() {
             let methods = run(&session, &plan, &products, &variant)?;
@@ -138,9 +140,9 @@ fn bands(data: &Path, paths: &[String]) -> anyhow::Result<()> {
     println!("\n| session | phone | signals | epochs of wls | wls p50/p95 m | local |");
     println!("|:--------|:------|:--------|--------------:|:--------------|:------|");
     for path in paths {
-        let session = Session::read_with_data(Path::new(path), Some(data))?;
+        let session = Session::read(Path::new(path), Some(data))?;
         let plan = Plan::from_session(&session)?;
-        let (products, _) = source::products(&plan.products)?;
+        let products = Loaded::read(&plan.products)?.products;
         for variant in band_variants() {
             let methods = run(&session, &plan, &products, &variant)?;
             for (phone, wls) in &methods.wls {
@@ -189,7 +191,7 @@ fn run(
 ) -> anyhow::Result<Methods> {
     let mut aligner = Aligner::new(plan.phones.len(), AlignOptions::default());
     for (index, phone) in plan.phones.iter().enumerate() {
-        let Source::File(path) = &phone.source else { anyhow::bail!("{} is not a file", phone.name) };
+        let Source::File { path, .. } = &phone.source else { anyhow::bail!("{} is not a file", phone.name) };
         let mut records = source::open_file(path, &source::Reading::default())?;
         let mut pipeline = PhonePipeline::new(&phone.name, Arc::clone(products), variant.pipeline.clone());
         while let Some(record) = records.next(&Stop::default()).context("observations")? {
@@ -201,7 +203,7 @@ fn run(
     }
     let constraints = if variant.constrained { plan.constraints.clone() } else { Vec::new() };
     let mut engine = Engine::new(&session.phone_names(), constraints, variant.engine.clone());
-    let mut scores = Scores::new(read_truths(&session.phones)?, plan.truth_quality.clone());
+    let mut scores = Scores::new(read_truths(&session.phones)?.0, plan.truth_quality.clone());
     while let Some(bucket) = aligner.pop_ready() {
         scores.push(&engine.step(bucket));
     }

@@ -11,10 +11,11 @@ use zenoh::qos::CongestionControl;
 use crate::group::{Course, Group, Parts};
 use crate::network::Network;
 use crate::outputs::{OutputFiles, Outputs};
-use crate::replay::{Outcome, outcome, read_truths_counted};
+use crate::replay::{Outcome, outcome};
 use crate::report::SettingsReport;
 use crate::report::scores::Scores;
 use crate::session::Session;
+use crate::session::truths::read_truths;
 
 /// How a live hub runs.
 #[derive(Clone, Debug)]
@@ -35,7 +36,7 @@ pub struct LiveOptions {
 /// When the endpoints cannot be listened on, a truth file cannot be used, or an output cannot be written.
 pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let phones = session.phone_names();
-    let (truths, truth_skips) = read_truths_counted(&session.phones)?;
+    let (truths, truth_skips) = read_truths(&session.phones)?;
     let (network, events) = Network::listen(&session.group, &phones, &options.listen)?;
     let scores = Scores::new(truths, session.truth_quality.clone());
     // A listener that does not keep up must not hold up the hub.

@@ -117,7 +117,7 @@ fn main() -> ExitCode {
 fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
     match command {
         Command::Run { session: file, data, listen, until_finished, latency, outputs } => {
-            let session = Session::read_with_data(&file, data.as_deref())?;
+            let session = Session::read(&file, data.as_deref())?;
             let read = live_inputs(&file, &session);
             let named = inputs(&file, &session);
             let report = ReportPlan::new(&outputs, &named, read, folder(&file, data.as_deref()))?;
@@ -126,7 +126,7 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             conclude(live::run(&session, &options, stop)?, report)
         }
         Command::Replay { session: file, data, speed, outputs } => {
-            let session = Session::read_with_data(&file, data.as_deref())?;
+            let session = Session::read(&file, data.as_deref())?;
             let inputs = inputs(&file, &session);
             let report = ReportPlan::new(&outputs, &inputs, inputs.clone(), folder(&file, data.as_deref()))?;
             let plan = Plan::from_session(&session)?;

@@ -39,7 +39,7 @@ fn every_block_of_toml_is_a_session_or_settings() {
     for (name, text) in documents() {
         for block in blocks(&text) {
             if block.contains("group =") {
-                let session = Session::parse(block, Path::new(&name)).unwrap_or_else(|e| panic!("{e}"));
+                let session = Session::parse(block, Path::new(&name), None).unwrap_or_else(|e| panic!("{e}"));
                 session.settings.options().unwrap();
                 sessions += 1;
             } else {
@@ -63,12 +63,13 @@ fn the_documented_session_is_read() {
     let text: Vec<&str> = lines.map(|line| line.strip_prefix(' ').unwrap_or(line)).collect();
     let text = text.join("\n");
     let [block] = blocks(&text)[..] else { panic!("one block is expected in:\n{text}") };
-    let refused = Session::parse(block, Path::new("a.toml")).unwrap_err().to_string();
+    let refused = Session::parse(block, Path::new("a.toml"), None).unwrap_err().to_string();
     assert!(refused.contains("at least two phones"), "{refused}");
     let two = block.replacen("[[constraint]]", "[[phone]]\nname = \"b\"\n[[constraint]]", 1);
     let session = Session::parse(
         &two.replace("phones = [\"HP30\"]", "phones = [\"HP30\", \"b\"]"),
         Path::new("a.toml"),
+        None,
     );
     assert_eq!(session.unwrap().settings.estimator, Settings::default());
 }
@@ -77,7 +78,7 @@ fn the_documented_session_is_read() {
 fn the_message_that_the_document_shows_is_said() {
     let document = std::fs::read_to_string(root().join("docs/settings.md")).unwrap();
     let block = blocks(&document)[0].replace("code_sigma_scale = 2.0", "code_sigma_scale = -1.0");
-    let refused = Session::parse(&block, Path::new("my-drive.toml")).unwrap_err().to_string();
+    let refused = Session::parse(&block, Path::new("my-drive.toml"), None).unwrap_err().to_string();
     assert!(document.contains(&format!("\n    {refused}\n")), "not in docs/settings.md: {refused}");
 }
 

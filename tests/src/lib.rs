@@ -5,11 +5,12 @@
 pub mod limits;
 pub mod slow_link;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
-use cofix_agent::publication::link::{Connection, LONGEST_BLOCK};
-use cofix_agent::{AgentConfig, AgentError, AgentReport, ProductSource, Stop};
+use cofix_agent::publication::link;
+use cofix_agent::{AgentConfig, AgentError, AgentReport, ProductSource, Source, Stop};
 use cofix_common::fusion::align::Aligner;
 use cofix_common::fusion::engine::Engine;
 use cofix_common::simulation::{PhoneOptions, Scenario};
@@ -125,18 +126,17 @@ impl Hub {
     /// # Errors
     /// When the hub does not answer.
     pub fn foreign_session(&self) -> anyhow::Result<zenoh::Session> {
-        connect(&self.endpoints)
+        let nobody = AgentConfig::new("g", "p", Source::Epochs(Arc::default()));
+        connect(&AgentConfig { connect: self.endpoints.clone(), ..nobody })
     }
 }
 
-/// A Zenoh session that is connected to a hub.
+/// A Zenoh session that is connected to an agent's hub.
 ///
 /// # Errors
 /// When the hub does not answer.
-pub fn connect(endpoints: &[String]) -> anyhow::Result<zenoh::Session> {
-    let connection = Connection { endpoints, patience: AgentConfig::PATIENCE, longest_block: LONGEST_BLOCK };
-    let session = connection.open(&Stop::default())?;
-    session.context("nobody asked to stop")
+pub fn connect(agent: &AgentConfig) -> anyhow::Result<zenoh::Session> {
+    link::connect(agent, &Stop::default())?.context("nobody asked to stop")
 }
 
 /// The configuration of the agent of a plan's phone.

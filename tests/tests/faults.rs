@@ -5,7 +5,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use cofix_agent::publication::{Publication, Publisher};
+use cofix_agent::publication::Publication;
 use cofix_agent::{AgentConfig, AgentError, ProductSource, Source, Speed, Stop};
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::simulation::PhoneOptions;
@@ -33,14 +33,12 @@ fn messages(plan: &Plan, phone: usize) -> Vec<EpochMessage> {
 }
 
 fn publication(plan: &Plan, phone: usize, endpoints: &[String]) -> Publication {
-    let session = connect(endpoints).unwrap();
-    let publisher = Publisher {
-        group: &plan.group,
-        phone: &plan.phones[phone].name,
+    let agent = AgentConfig {
+        connect: endpoints.to_vec(),
         kept_messages: 100,
-        longest_stall: AgentConfig::PATIENCE,
+        ..AgentConfig::new(&plan.group, &plan.phones[phone].name, Source::Epochs(Arc::default()))
     };
-    let publication = Publication::declare(session, publisher).unwrap();
+    let publication = Publication::declare(connect(&agent).unwrap(), &agent).unwrap();
     assert!(publication.wait_for_listener(Duration::from_secs(10), &Stop::default()).unwrap());
     publication
 }
@@ -365,7 +363,7 @@ fn names_are_checked_before_files_are_read() {
     let plan = small_plan(1, 10.0).unwrap();
     let mut config = agent_config(&plan, 0, &["tcp/127.0.0.1:9".to_owned()]).unwrap();
     config.phone = "a/b".to_owned();
-    config.source = Source::File("no/such/file.rnx".into());
+    config.source = Source::File { path: "no/such/file.rnx".into(), near: None };
     let error = start_agent(config).join().unwrap().unwrap_err().to_string();
     assert!(error.contains("'a/b'"), "{error}");
 }

@@ -33,8 +33,7 @@ fn session_file(name: &str) -> PathBuf {
 
 /// A session's plan.
 fn plan(name: &str) -> Plan {
-    Plan::from_session(&Session::read_with_data(&session_file(name), Some(&beside::path("data"))).unwrap())
-        .unwrap()
+    Plan::from_session(&Session::read(&session_file(name), Some(&beside::path("data"))).unwrap()).unwrap()
 }
 
 fn accuracies(phones: &ByPhone) -> Vec<Accuracy> {
@@ -120,7 +119,7 @@ fn wh_3_09_as_published_and_as_rinex() {
         [("rinex.toml", text), ("published.toml", text_published)].map(|(name, text)| {
             let path = folder.path().join(name);
             std::fs::write(&path, text).unwrap();
-            let session = Session::read_with_data(&path, Some(&beside::path("data"))).unwrap();
+            let session = Session::read(&path, Some(&beside::path("data"))).unwrap();
             let plan = Plan::from_session(&session).unwrap();
             replay(&plan, &ReplayOptions::default(), &Stop::default()).unwrap().report.methods
         });

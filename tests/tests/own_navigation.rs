@@ -118,7 +118,7 @@ fn session(folder: &Path, simulation: &Simulation, with_nav: &[bool], products: 
     }
     let path = folder.join("session.toml");
     std::fs::write(&path, toml).unwrap();
-    Session::read(&path).unwrap()
+    Session::read(&path, None).unwrap()
 }
 
 fn run(session: &Session) -> anyhow::Result<Outcome> {

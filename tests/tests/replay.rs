@@ -116,7 +116,7 @@ R01 2020 08 13 14 15 00-2.458319067955E-05 0.000000000000E+00 3.960000000000E+05
 #[test]
 fn a_missing_file_is_an_error_that_names_phone_and_file() {
     let mut plan = small_plan(2, 20.0).unwrap();
-    plan.phones[1].source = Source::File(PathBuf::from("no/such/file.rnx"));
+    plan.phones[1].source = Source::File { path: PathBuf::from("no/such/file.rnx"), near: None };
     let message = failure(&plan);
     assert!(message.contains("SIM2") && message.contains("no/such/file.rnx"), "{message}");
 }

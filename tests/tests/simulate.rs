@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 
+use cofix_agent::source::products::Loaded;
 use cofix_agent::{ProductSource, Source, Stop, source};
 use cofix_common::accuracy::Accuracy;
 use cofix_common::formats::decode::Record;
@@ -30,19 +31,19 @@ fn both(kind: Kind, folder: &std::path::Path) -> (Plan, Plan) {
         phones: None,
         overwrite: false,
     };
-    let session = Session::read(&simulate(&arguments, &Stop::default()).unwrap()).unwrap();
+    let session = Session::read(&simulate(&arguments, &Stop::default()).unwrap(), None).unwrap();
     (Plan::from_session(&session).unwrap(), demo::plan(arguments.scenario()).unwrap())
 }
 
 /// What an agent makes of a phone.
 fn messages(plan: &Plan, phone: usize) -> Vec<EpochMessage> {
-    let (products, _) = source::products(&plan.products).unwrap();
+    let products = Loaded::read(&plan.products).unwrap().products;
     let planned = &plan.phones[phone];
     let mut pipeline =
         PhonePipeline::new(&planned.name, Arc::clone(&products), plan.pipeline(planned).unwrap());
     match &planned.source {
         Source::Epochs(epochs) => epochs.iter().map(|epoch| pipeline.process(epoch)).collect(),
-        Source::File(path) => {
+        Source::File { path, .. } => {
             let mut records = source::open_file(path, &source::Reading::default()).unwrap();
             let mut messages = Vec::new();
             while let Some(record) = records.next(&Stop::default()).unwrap() {
@@ -52,7 +53,7 @@ fn messages(plan: &Plan, phone: usize) -> Vec<EpochMessage> {
             }
             messages
         }
-        other => panic!("neither simulated nor a file: {other:?}"),
+        other @ Source::Live { .. } => panic!("neither simulated nor a file: {other:?}"),
     }
 }
 

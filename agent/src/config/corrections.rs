@@ -19,13 +19,6 @@ pub struct Corrections {
     pub options: DifferentialOptions,
 }
 
-impl Corrections {
-    /// Whether there is no source.
-    pub const fn is_none(&self) -> bool {
-        self.sources.is_empty()
-    }
-}
-
 /// A source of corrections.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CorrectionSource {

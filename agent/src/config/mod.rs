@@ -16,7 +16,9 @@ use cofix_common::time::GpsTime;
 
 use crate::input::LiveSource;
 use crate::publication::UNANSWERED;
-use crate::publication::link::LONGEST_BLOCK;
+
+/// Longest wait for a hub on the network that takes no message in: Zenoh's default.
+const LONGEST_BLOCK: Duration = Duration::from_secs(5);
 
 pub use corrections::{CorrectionSource, CorrectionSourceError, Corrections};
 
@@ -93,20 +95,18 @@ impl AgentConfig {
 #[derive(Clone, Debug)]
 pub enum Source {
     /// A recorded file of any format that is read (see [`cofix_common::formats::format::Format`]), plain or compressed (.gz, .Z).
-    File(PathBuf),
-    /// The same with an instant within three days of its beginning, for RTCM 3, whose messages carry the time of week only.
-    /// Without it the products tell, or else the time of the file's last change.
-    DatedFile {
+    File {
         /// The file.
         path: PathBuf,
-        /// The instant.
-        near: GpsTime,
+        /// An instant within three days of its beginning, for RTCM 3, whose messages carry the time of week only. Without it the products
+        /// tell, or else the time of the file's last change.
+        near: Option<GpsTime>,
     },
     /// Bytes as they come. Epochs are published at once, whatever [`AgentConfig::speed`] says.
     Live {
         /// Where they come from.
         from: LiveSource,
-        /// As of [`Source::DatedFile`]; without it the computer's clock tells.
+        /// As of [`Source::File`]; without it the computer's clock tells.
         near: Option<GpsTime>,
     },
     /// Epochs in memory, in order of time: a simulated phone.
@@ -117,9 +117,8 @@ impl Source {
     /// The instant near its beginning that goes with it, if any.
     pub(crate) const fn near(&self) -> Option<GpsTime> {
         match self {
-            Self::DatedFile { near, .. } => Some(*near),
-            Self::Live { near, .. } => *near,
-            Self::File(_) | Self::Epochs(_) => None,
+            Self::File { near, .. } | Self::Live { near, .. } => *near,
+            Self::Epochs(_) => None,
         }
     }
 }

@@ -37,7 +37,8 @@ impl Recorded {
         // Of a base that began long before only its last word counts.
         let mut stale = None;
         if self.records.is_none() {
-            self.records = Some(source::open_file(&self.path, &Reading::default().near(time_gps))?);
+            self.records =
+                Some(source::open_file(&self.path, &Reading { near: Some(time_gps), ..Reading::default() })?);
         }
         loop {
             match self.ahead.take() {

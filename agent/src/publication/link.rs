@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use zenoh::{Config, Session, Wait};
 
-use crate::Stop;
+use crate::{AgentConfig, Stop};
 
 /// First and longest attempt to connect before the request to stop is looked at; on a link with a long delay the first ones are too short.
 const SLICES: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(8));
@@ -44,66 +44,50 @@ const RETRY_MS: &str = "{ period_init_ms: 500, period_max_ms: 1000, period_incre
 /// Bytes that may wait in the system for a slow link, some ten seconds of epochs: more would only be late.
 const SEND_BUFFER_BYTES: &str = "32768";
 
-/// Longest wait for a hub on the network that takes no message in: Zenoh's own.
-pub const LONGEST_BLOCK: Duration = Duration::from_secs(5);
-
-/// A connection of an agent to its hub.
-#[derive(Clone, Copy, Debug)]
-pub struct Connection<'a> {
-    /// Zenoh endpoints; one is enough.
-    pub endpoints: &'a [String],
-    /// Longest wait until an endpoint answers.
-    pub patience: Duration,
-    /// Longest wait for a hub that takes no message in; then the connection counts as lost.
-    pub longest_block: Duration,
+/// Opens a session of an agent that connects to its hub. Blocks; `None` when asked to stop meanwhile, which is noticed within some seconds.
+///
+/// # Errors
+/// When an endpoint is malformed or none answers in time.
+pub fn connect(agent: &AgentConfig, stop: &Stop) -> Result<Option<Session>, LinkError> {
+    check(&agent.connect, 1)?;
+    let start = Instant::now();
+    let (mut longest, limit) = SLICES;
+    loop {
+        if stop.is_requested() {
+            return Ok(None);
+        }
+        let slice = agent.patience.saturating_sub(start.elapsed()).min(longest);
+        longest = limit.min(2 * longest);
+        let begun = Instant::now();
+        match zenoh::open(client(agent, slice)?).wait() {
+            Ok(session) => return Ok(Some(session)),
+            Err(error) => tracing::debug!("{}", plain(&error)),
+        }
+        if start.elapsed() >= agent.patience {
+            let waited_s = agent.patience.as_secs_f64();
+            return Err(LinkError::Unreachable { endpoints: agent.connect.join(", "), waited_s });
+        }
+        // An attempt may fail at once.
+        if stop.sleep(slice.min(SLICES.0).saturating_sub(begun.elapsed())) {
+            return Ok(None);
+        }
+    }
 }
 
-impl Connection<'_> {
-    /// Opens a session. Blocks; `None` when asked to stop meanwhile, which is noticed within some seconds.
-    ///
-    /// # Errors
-    /// When an endpoint is malformed or none answers in time.
-    pub fn open(&self, stop: &Stop) -> Result<Option<Session>, LinkError> {
-        check(self.endpoints, 1)?;
-        let start = Instant::now();
-        let (mut longest, limit) = SLICES;
-        loop {
-            if stop.is_requested() {
-                return Ok(None);
-            }
-            let slice = self.patience.saturating_sub(start.elapsed()).min(longest);
-            longest = limit.min(2 * longest);
-            let begun = Instant::now();
-            match zenoh::open(self.config(slice)?).wait() {
-                Ok(session) => return Ok(Some(session)),
-                Err(error) => tracing::debug!("{}", plain(&error)),
-            }
-            if start.elapsed() >= self.patience {
-                let waited_s = self.patience.as_secs_f64();
-                return Err(LinkError::Unreachable { endpoints: self.endpoints.join(", "), waited_s });
-            }
-            // An attempt may fail at once.
-            if stop.sleep(slice.min(SLICES.0).saturating_sub(begun.elapsed())) {
-                return Ok(None);
-            }
-        }
+/// The configuration of an attempt to connect of this duration.
+fn client(agent: &AgentConfig, attempt: Duration) -> Result<Config, LinkError> {
+    let attempt_ms = attempt.as_millis().max(1).to_string();
+    let longest_block_us = agent.longest_block().as_micros().to_string();
+    let mut config = config("client", "connect/endpoints", &agent.connect)?;
+    for (key, value) in [
+        ("connect/timeout_ms", attempt_ms.as_str()),
+        ("connect/retry", RETRY_MS),
+        ("transport/link/tcp/so_sndbuf", SEND_BUFFER_BYTES),
+        ("transport/link/tx/queue/congestion_control/block/wait_before_close", &longest_block_us),
+    ] {
+        config = with(config, key, value, &agent.connect)?;
     }
-
-    /// For an attempt of this duration.
-    fn config(&self, attempt: Duration) -> Result<Config, LinkError> {
-        let attempt_ms = attempt.as_millis().max(1).to_string();
-        let longest_block_us = self.longest_block.as_micros().to_string();
-        let mut config = config("client", "connect/endpoints", self.endpoints)?;
-        for (key, value) in [
-            ("connect/timeout_ms", attempt_ms.as_str()),
-            ("connect/retry", RETRY_MS),
-            ("transport/link/tcp/so_sndbuf", SEND_BUFFER_BYTES),
-            ("transport/link/tx/queue/congestion_control/block/wait_before_close", &longest_block_us),
-        ] {
-            config = with(config, key, value, self.endpoints)?;
-        }
-        Ok(config)
-    }
+    Ok(config)
 }
 
 /// Whether all endpoints are of the transport that is built in, with a host and a port from `first_port` on.
@@ -195,7 +179,10 @@ fn with(mut config: Config, key: &str, json: &str, endpoints: &[String]) -> Resu
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::Source;
 
     #[test]
     fn places_in_foreign_source_are_left_out() {
@@ -243,11 +230,11 @@ mod tests {
     fn a_request_to_stop_ends_the_attempts() {
         let stop = Stop::default();
         let asked = stop.clone();
-        let endpoints = ["tcp/127.0.0.1:9".to_owned()];
+        let connect = vec!["tcp/127.0.0.1:9".to_owned()];
         let day = Duration::from_hours(24);
-        let attempts = std::thread::spawn(move || {
-            Connection { endpoints: &endpoints, patience: day, longest_block: day }.open(&asked)
-        });
+        let source = Source::Epochs(Arc::default());
+        let agent = AgentConfig { connect, patience: day, ..AgentConfig::new("g", "p", source) };
+        let attempts = std::thread::spawn(move || super::connect(&agent, &asked));
         stop.request();
         assert!(matches!(attempts.join().unwrap(), Ok(None)));
     }

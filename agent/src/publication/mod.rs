@@ -21,13 +21,13 @@ use cofix_common::wire::{
 };
 use zenoh::bytes::ZBytes;
 use zenoh::liveliness::LivelinessToken;
-use zenoh::pubsub::Publisher as ZenohPublisher;
+use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Reliability};
 use zenoh::query::Reply;
 use zenoh::sample::SourceInfo;
 use zenoh::{Session, Wait};
 
-use crate::Stop;
+use crate::{AgentConfig, Stop};
 
 use history::{Address, History};
 use receipt::ReceiptWait;
@@ -86,19 +86,6 @@ fn zenoh_error(error: impl std::fmt::Display) -> PublicationError {
     PublicationError::Zenoh(link::plain(&error))
 }
 
-/// Who publishes.
-#[derive(Clone, Copy, Debug)]
-pub struct Publisher<'a> {
-    /// The group.
-    pub group: &'a str,
-    /// The phone.
-    pub phone: &'a str,
-    /// How many of the last messages are kept for a hub that comes late or reconnects.
-    pub kept_messages: usize,
-    /// Longest time in which a hub that answers confirms no more epochs.
-    pub longest_stall: Duration,
-}
-
 /// One agent's publishers and liveliness token.
 pub struct Publication {
     group: String,
@@ -106,8 +93,8 @@ pub struct Publication {
     receipt_key: String,
     pace_key: String,
     session: Session,
-    epochs: ZenohPublisher<'static>,
-    status: ZenohPublisher<'static>,
+    epochs: Publisher<'static>,
+    status: Publisher<'static>,
     history: History,
     alive: LivelinessToken,
     longest_stall: Duration,
@@ -119,19 +106,18 @@ impl Publication {
     ///
     /// # Errors
     /// When a name cannot be part of a key, or Zenoh refuses.
-    pub fn declare(session: Session, publisher: Publisher<'_>) -> Result<Self, PublicationError> {
-        let Publisher { group, phone, kept_messages, longest_stall } = publisher;
+    pub fn declare(session: Session, agent: &AgentConfig) -> Result<Self, PublicationError> {
+        let AgentConfig { group, phone, .. } = agent;
         let epochs = declare(&session, epoch_key(group, phone)?)?;
         let status = declare(&session, status_key(group, phone)?)?;
-        let address =
-            Address { key: history_key(group, phone)?, phone: phone.to_owned(), source: epochs.id() };
-        let history = History::declare(&session, address, kept_messages).map_err(zenoh_error)?;
+        let address = Address { key: history_key(group, phone)?, phone: phone.clone(), source: epochs.id() };
+        let history = History::declare(&session, address, agent.kept_messages).map_err(zenoh_error)?;
         // Last: whoever sees the token may ask for the history.
         let alive =
             session.liveliness().declare_token(liveliness_key(group, phone)?).wait().map_err(zenoh_error)?;
         Ok(Self {
-            group: group.to_owned(),
-            phone: phone.to_owned(),
+            group: group.clone(),
+            phone: phone.clone(),
             receipt_key: format!("{}?run={}", receipt_key(group, phone)?, session.zid()),
             pace_key: pace_key(group, phone)?,
             session,
@@ -139,7 +125,7 @@ impl Publication {
             status,
             history,
             alive,
-            longest_stall,
+            longest_stall: agent.longest_stall(),
             published: 0,
         })
     }
@@ -199,9 +185,8 @@ impl Publication {
         self.ask_for_receipt(INTRODUCTION, &|| start.elapsed() < INTRODUCTION).map(drop)
     }
 
-    /// Asks the hub until it has every epoch, has given up the rest, has confirmed no more for [`Publisher::longest_stall`], or is gone for
-    /// `patience`; less once asked to stop.
-    /// A hub that is connected and has not answered yet is waited for up to ten minutes: the question waits behind the epochs on a slow
+    /// Asks the hub until it has every epoch, has given up the rest, has confirmed no more for too long, or is gone for `patience`; less
+    /// once asked to stop. A hub that is connected and has not answered yet is waited for up to ten minutes: the question waits behind the epochs on a slow
     /// link. How many it has; `None` when it never answered.
     pub fn wait_for_receipt(&self, patience: Duration, stop: &Stop) -> Option<u64> {
         let mut wait = ReceiptWait::new(patience, self.longest_stall);
@@ -293,7 +278,7 @@ impl Publication {
     }
 }
 
-fn declare(session: &Session, key: String) -> Result<ZenohPublisher<'static>, PublicationError> {
+fn declare(session: &Session, key: String) -> Result<Publisher<'static>, PublicationError> {
     session
         .declare_publisher(key)
         .congestion_control(CongestionControl::Block)
@@ -303,11 +288,11 @@ fn declare(session: &Session, key: String) -> Result<ZenohPublisher<'static>, Pu
 }
 
 /// Says who publishes; the messages carry numbers of their own.
-fn put(publisher: &ZenohPublisher<'_>, bytes: ZBytes) -> Result<(), PublicationError> {
+fn put(publisher: &Publisher<'_>, bytes: ZBytes) -> Result<(), PublicationError> {
     publisher.put(bytes).source_info(SourceInfo::new(publisher.id(), 0)).wait().map_err(zenoh_error)
 }
 
-fn listened(publisher: &ZenohPublisher<'_>) -> Result<bool, PublicationError> {
+fn listened(publisher: &Publisher<'_>) -> Result<bool, PublicationError> {
     publisher.matching_status().wait().map(|status| status.matching()).map_err(zenoh_error)
 }
 

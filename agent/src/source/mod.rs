@@ -30,7 +30,6 @@ use dating::Dated;
 pub use error::SourceError;
 use error::{no_epoch, with_hint};
 use products::OwnNavigation;
-pub use products::products;
 use records::{Records, RecordsError};
 
 const KIND: &str = cofix_common::formats::kinds::OBSERVATIONS;
@@ -45,13 +44,6 @@ pub struct Reading {
     pub log: gnsslogger::Options,
     /// Dates of a stream of RTCM 3, from an earlier reading of the same file.
     pub dates: Option<StreamDates>,
-}
-
-impl Reading {
-    /// The same near another instant.
-    pub fn near(&self, near: GpsTime) -> Self {
-        Self { near: Some(near), ..self.clone() }
-    }
 }
 
 /// What a first reading of a recorded source found.
@@ -88,17 +80,19 @@ impl<'a> Opened<'a> {
     ) -> Result<Self, SourceError> {
         match source {
             Source::Epochs(epochs) => Ok(Self::Memory(epochs.iter())),
-            Source::File(path) => Ok(Self::file(path, open_file(path, reading)?)),
-            Source::DatedFile { path, near } => Ok(Self::file(path, open_file(path, &reading.near(*near))?)),
+            Source::File { path, near } => {
+                let reading = Reading { near: near.or(reading.near), ..reading.clone() };
+                Ok(Self::stream(path.display().to_string(), Some(path), open_file(path, &reading)?))
+            }
             Source::Live { from, near } => {
                 let records = open_live(from, *near, rover)?.with_log_options(reading.log.clone());
-                Ok(Self::Stream { name: from.to_string(), path: None, records: Box::new(records) })
+                Ok(Self::stream(from.to_string(), None, records))
             }
         }
     }
 
-    fn file(path: &'a Path, records: Records) -> Self {
-        Self::Stream { name: path.display().to_string(), path: Some(path), records: Box::new(records) }
+    fn stream(name: String, path: Option<&'a Path>, records: Records) -> Self {
+        Self::Stream { name, path, records: Box::new(records) }
     }
 
     /// The next record.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use cofix_common::atmosphere::Ionex;
@@ -25,27 +25,23 @@ const STALE_GROUP_DELAYS_S: f64 = 7.0 * 86_400.0;
 /// Columns of a RINEX header line.
 const FIRST_LINE: usize = 80;
 
-/// Reads products. They may hold no orbits (see [`Products::has_orbits`]): recordings may carry navigation messages of their own.
-///
-/// # Errors
-/// When a file cannot be read or is of another kind.
-pub fn products(source: &ProductSource) -> Result<(Arc<Products>, Skips), SourceError> {
-    let loaded = Loaded::read(source)?;
-    Ok((loaded.products, loaded.skips))
-}
-
-/// Products, and what came with them.
+/// Products that were read.
 #[derive(Clone, Debug)]
-pub(crate) struct Loaded {
-    pub(crate) products: Arc<Products>,
-    pub(crate) skips: Skips,
-    /// An instant of the session, as far as the products tell.
+pub struct Loaded {
+    /// The products. They may hold no orbits (see [`Products::has_orbits`]): recordings may carry navigation messages of their own.
+    pub products: Arc<Products>,
+    /// Lines and records that were skipped.
+    pub skips: Skips,
+    /// An instant of the session: the beginning of the precise orbits, else the earliest broadcast message.
     pub(crate) near: Option<GpsTime>,
 }
 
 impl Loaded {
-    /// Reads the files that are named, which may be none: a stream may carry its own ephemerides.
-    pub(crate) fn read(source: &ProductSource) -> Result<Self, SourceError> {
+    /// Reads the files that are named, if any.
+    ///
+    /// # Errors
+    /// When a file cannot be read or is of another kind.
+    pub fn read(source: &ProductSource) -> Result<Self, SourceError> {
         let (products, skips) = match source {
             ProductSource::Loaded(products) => (Arc::clone(products), Skips::default()),
             ProductSource::Files(files) => {
@@ -60,8 +56,7 @@ impl Loaded {
 fn load(files: &ProductFiles) -> Result<(Products, Skips), SourceError> {
     let mut skips = Skips::default();
     let precise = parse_all(&files.sp3, "SP3", Sp3::parse)?;
-    let broadcast =
-        files.navigation.iter().map(|path| navigation_file(path)).collect::<Result<Vec<_>, _>>()?;
+    let broadcast = parse_all(&files.navigation, NAVIGATION, NavigationFile::parse)?;
     let clocks = parse_all(&files.clock, "RINEX clock", ClockFile::parse)?;
     let biases = parse_all(&files.bias, "Bias-SINEX", BiasFile::parse)?;
     let maps = parse_all(&files.ionex, "IONEX", Ionex::parse)?;
@@ -104,11 +99,11 @@ pub(crate) fn is_navigation_file(path: &Path, stop: &Stop) -> bool {
 
 /// Reads files of one kind.
 fn parse_all<T, E: Display>(
-    paths: &[impl AsRef<Path>],
+    paths: &[PathBuf],
     kind: &'static str,
     parse_bytes: impl Fn(&[u8]) -> Result<T, E>,
 ) -> Result<Vec<T>, SourceError> {
-    paths.iter().map(|path| parse(path.as_ref(), kind, &parse_bytes)).collect()
+    paths.iter().map(|path| parse(path, kind, &parse_bytes)).collect()
 }
 
 fn parse<T, E: Display>(
@@ -116,7 +111,9 @@ fn parse<T, E: Display>(
     kind: &'static str,
     parse_bytes: impl Fn(&[u8]) -> Result<T, E>,
 ) -> Result<T, SourceError> {
-    parse_bytes(&read(path, kind)?).map_err(|error| {
+    let bytes =
+        std::fs::read(path).map_err(|cause| SourceError::Read { path: path.to_owned(), kind, cause })?;
+    parse_bytes(&bytes).map_err(|error| {
         let reason = with_hint(error.to_string(), kinds::hint_for(path, kind));
         SourceError::Unusable { source_name: path.display().to_string(), kind, reason }
     })
@@ -127,10 +124,6 @@ fn near(products: &Products) -> Option<GpsTime> {
     let origin = GpsTime::default();
     let earliest = || products.group_delay_age_s(origin).map(|age_s| origin + age_s);
     products.coverage().map(|(first, _)| first).or_else(earliest)
-}
-
-fn read(path: &Path, kind: &'static str) -> Result<Vec<u8>, SourceError> {
-    std::fs::read(path).map_err(|cause| SourceError::Read { path: path.to_owned(), kind, cause })
 }
 
 /// Navigation messages found in a stream of observations.

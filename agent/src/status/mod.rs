@@ -5,13 +5,12 @@
 
 mod board;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::LocalFrame;
 use cofix_common::integrity::Verdict;
-use cofix_common::measurement::Usage;
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
 
@@ -66,11 +65,10 @@ impl Pulse {
         state: Option<&PhoneState>,
         moment: Moment,
     ) -> Vec<String> {
-        let used = message.observations.iter().filter(|observation| observation.usage == Usage::Used);
         let last = Last {
             at: moment.now,
             time_gps: message.time_gps,
-            satellites: used.map(|observation| observation.satellite).collect::<BTreeSet<_>>().len(),
+            satellites: message.satellites_used(),
             sigma_m: state.and_then(horizontal_sigma_m),
             verdict: message.raim.verdict,
         };

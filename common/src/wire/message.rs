@@ -1,10 +1,12 @@
 //! Messages on the wire.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 use crate::filter::PhoneState;
 use crate::integrity::{RaimReport, Verdict};
-use crate::measurement::CorrectedObservation;
+use crate::measurement::{CorrectedObservation, Usage};
 use crate::skips::Skips;
 use crate::solve::PointSolution;
 use crate::time::GpsTime;
@@ -26,6 +28,14 @@ pub struct EpochMessage {
     pub local: Option<PhoneState>,
     /// RAIM report on the epoch-wise solution.
     pub raim: RaimReport,
+}
+
+impl EpochMessage {
+    /// Number of satellites of which a signal is in use.
+    pub fn satellites_used(&self) -> usize {
+        let used = self.observations.iter().filter(|observation| observation.usage == Usage::Used);
+        used.map(|observation| observation.satellite).collect::<BTreeSet<_>>().len()
+    }
 }
 
 /// State of one phone after fusion: `cofix/<group>/fused/<phone>`.

@@ -9,7 +9,7 @@ impl Group {
     /// How many published epochs were not fused, by phone and reason; `None` when all were.
     pub fn losses(&self) -> Option<String> {
         let (mut lost, mut phones) = (0, Vec::new());
-        for (phone, name) in self.phones.iter().enumerate() {
+        for (phone, name) in self.parts.phones.iter().enumerate() {
             let skips = self.phone_skips(phone);
             let reasons = LOSSES.into_iter().chain([Reason::EpochsNotArrived]);
             let counts = reasons.map(|reason| (reason, skips.count(reason))).filter(|(_, count)| *count > 0);

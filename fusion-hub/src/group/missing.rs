@@ -21,7 +21,7 @@ impl Group {
             }
         }
         for phone in self.recovery.slow(now) {
-            if !self.aligner.awaits(phone) {
+            if !self.parts.aligner.awaits(phone) {
                 self.give_up_gaps(phone);
             }
         }
@@ -39,8 +39,8 @@ impl Group {
     }
 
     fn ask(&mut self, question: Question) {
-        let Some(name) = self.phones.get(question.phone) else { return };
-        if !self.history.ask(name, question.clone())
+        let Some(name) = self.parts.phones.get(question.phone) else { return };
+        if !self.parts.history.ask(name, question.clone())
             && let Some((sender, ..)) = question.epochs
         {
             self.recovery.answered(question.phone, &sender);
@@ -49,17 +49,17 @@ impl Group {
 
     fn give_up(&mut self, phone: usize, sender: &str, to: u64, why: &str) {
         let lost = self.intake.skip(phone, sender, to, why);
-        let name = self.phones.get(phone).map_or("?", String::as_str);
+        let name = self.parts.phones.get(phone).map_or("?", String::as_str);
         tracing::warn!("{name}: {lost} epochs are lost: {why}");
-        self.receipts.note(name, sender, self.intake.receipt(phone, sender));
+        self.parts.receipts.note(name, sender, self.intake.receipt(phone, sender));
         self.align(phone);
         self.end_if_complete(phone);
     }
 
     /// Epochs that an agent has published and that do not come are lost: an error in a replay, counted live.
     pub(super) fn check_stragglers(&mut self) -> anyhow::Result<()> {
-        for phone in 0..self.phones.len() {
-            let lost = if self.course == Course::Replay { self.intake.lost(phone) } else { 0 };
+        for phone in 0..self.parts.phones.len() {
+            let lost = if self.parts.course == Course::Replay { self.intake.lost(phone) } else { 0 };
             let missing = self.intake.shortfall(phone).unwrap_or(0);
             let Some(slot) = self.missing.get_mut(phone) else { continue };
             if missing == 0 && lost == 0 {
@@ -72,9 +72,9 @@ impl Group {
             if lost == 0 && self.now.saturating_sub(since) < self.grace {
                 continue;
             }
-            let name = self.phones.get(phone).map_or("?", String::as_str);
+            let name = self.parts.phones.get(phone).map_or("?", String::as_str);
             let missing = missing.saturating_add(lost);
-            if self.course == Course::Replay {
+            if self.parts.course == Course::Replay {
                 bail!("{name}: {missing} published epochs did not arrive");
             }
             tracing::warn!("{name}: {missing} published epochs did not arrive");
@@ -88,9 +88,9 @@ impl Group {
 
     /// Tells the agents of a phone's runs that have finished what is given up.
     fn note_receipts(&self, phone: usize) {
-        let Some(name) = self.phones.get(phone) else { return };
+        let Some(name) = self.parts.phones.get(phone) else { return };
         for (sender, _) in self.intake.finished_runs(phone) {
-            self.receipts.note(name, sender, self.intake.receipt(phone, sender));
+            self.parts.receipts.note(name, sender, self.intake.receipt(phone, sender));
         }
     }
 }

@@ -48,16 +48,9 @@ pub enum Course {
 
 /// A group at work.
 pub struct Group {
-    name: String,
-    phones: Vec<String>,
-    course: Course,
+    parts: Parts,
     intake: Intake,
-    aligner: Aligner,
-    engine: Engine,
-    receipts: Receipts,
-    history: HistoryQuestions,
     recovery: Recovery,
-    outputs: Outputs,
     /// The time of what is being done, since the start.
     now: Duration,
     /// When gaps were last looked at.
@@ -104,16 +97,9 @@ impl Group {
         parts.outputs.tally.schedule(parts.engine.constraints());
         Self {
             intake: Intake::new(&parts.phones),
-            name: parts.name,
-            phones: parts.phones,
-            course: parts.course,
-            aligner: parts.aligner,
-            engine: parts.engine,
-            receipts: parts.receipts,
-            history: parts.history,
+            parts,
             recovery,
             recovered_at: None,
-            outputs: parts.outputs,
             now: Duration::ZERO,
             missing: vec![None; phones],
             alive: vec![false; phones],
@@ -129,7 +115,7 @@ impl Group {
 
     /// The phones' names.
     pub fn phones(&self) -> &[String] {
-        &self.phones
+        &self.parts.phones
     }
 
     /// Works until the end.
@@ -147,16 +133,16 @@ impl Group {
             let batch = first.into_iter().chain(events.try_iter().take(BATCH));
             self.step(batch, clock.tick(), clock::now())?;
         }
-        if stop.is_requested() && self.course == Course::Replay {
+        if stop.is_requested() && self.parts.course == Course::Replay {
             bail!("stopped before the end of the session");
         }
         for event in events.try_iter().take(LAST_EVENTS) {
             self.handle(event)?;
         }
         self.intake.release_all();
-        for phone in 0..self.phones.len() {
+        for phone in 0..self.parts.phones.len() {
             self.align(phone);
-            self.aligner.finish(phone);
+            self.parts.aligner.finish(phone);
         }
         self.fuse_ready();
         Ok(())
@@ -180,7 +166,7 @@ impl Group {
         self.recover();
         self.fuse_ready();
         self.fuse_overdue(wall_gps);
-        self.outputs.tick(Moment { now, wall_gps });
+        self.parts.outputs.tick(Moment { now, wall_gps });
         self.check_stragglers()
     }
 
@@ -205,10 +191,10 @@ impl Group {
 
     /// Whether all agents that have ended were told of all their epochs.
     fn all_told(&self) -> bool {
-        self.phones.iter().enumerate().all(|(phone, name)| {
-            self.intake
-                .finished_runs(phone)
-                .all(|(sender, received)| received == 0 || self.receipts.was_told(name, sender, received))
+        self.parts.phones.iter().enumerate().all(|(phone, name)| {
+            self.intake.finished_runs(phone).all(|(sender, received)| {
+                received == 0 || self.parts.receipts.was_told(name, sender, received)
+            })
         })
     }
 
@@ -221,10 +207,10 @@ impl Group {
     /// The report, and the outputs to finish.
     pub fn report(&mut self) -> (Report, &mut Outputs) {
         let mut skips = self.intake.skips().clone();
-        skips.merge(self.engine.skips());
-        let phones = self.outputs.tally.phones(|phone| self.phone_skips(phone));
-        let report = Report { group: self.name.clone(), phones, skips, ..self.outputs.report() };
-        (report, &mut self.outputs)
+        skips.merge(self.parts.engine.skips());
+        let phones = self.parts.outputs.tally.phones(|phone| self.phone_skips(phone));
+        let report = Report { group: self.parts.name.clone(), phones, skips, ..self.parts.outputs.report() };
+        (report, &mut self.parts.outputs)
     }
 
     /// Whether a session makes sense now that it is over.
@@ -232,20 +218,20 @@ impl Group {
     /// # Errors
     /// When a phone had nothing usable, or no two phones were there at one time.
     pub fn check_result(&self) -> anyhow::Result<()> {
-        let tally = &self.outputs.tally;
-        for (index, name) in self.phones.iter().enumerate() {
+        let tally = &self.parts.outputs.tally;
+        for (index, name) in self.parts.phones.iter().enumerate() {
             if tally.usable_epochs(index) == 0 {
                 let skips = self.phone_skips(index);
                 let why = if skips.is_empty() { "nothing was skipped".to_owned() } else { skips.to_string() };
                 bail!("{name}: no epoch with a usable observation, so there is nothing to fuse: {why}");
             }
         }
-        if self.phones.len() > 1 && tally.common_epochs() == 0 {
+        if self.parts.phones.len() > 1 && tally.common_epochs == 0 {
             let span = |(index, name): (usize, &String)| {
-                let span = tally.span(index);
+                let span = tally.span_of(index);
                 span.map_or_else(|| format!("{name} has none"), |(a, b)| format!("{name} from {a} to {b}"))
             };
-            let spans: Vec<String> = self.phones.iter().enumerate().map(span).collect();
+            let spans: Vec<String> = self.parts.phones.iter().enumerate().map(span).collect();
             bail!("the phones have no common time, so there is nothing to fuse: {}", spans.join(", "));
         }
         Ok(())
@@ -254,15 +240,15 @@ impl Group {
     fn phone_skips(&self, phone: usize) -> Skips {
         let mut skips =
             self.intake.finished(phone).map(|finished| finished.skips.clone()).unwrap_or_default();
-        for more in [self.intake.phone_skips(phone), self.aligner.skips(phone)].into_iter().flatten() {
+        for more in [self.intake.phone_skips(phone), self.parts.aligner.skips(phone)].into_iter().flatten() {
             skips.merge(more);
         }
         skips
     }
 
     fn is_over(&self) -> bool {
-        self.course != Course::Live { until_finished: false }
-            && (0..self.phones.len()).all(|phone| self.intake.is_complete(phone))
+        self.parts.course != Course::Live { until_finished: false }
+            && (0..self.parts.phones.len()).all(|phone| self.intake.is_complete(phone))
     }
 
     fn handle(&mut self, event: Event) -> anyhow::Result<()> {
@@ -302,7 +288,7 @@ impl Group {
     fn take_in(&mut self, arrival: &Arrival) {
         let Some(phone) = self.intake.index(&arrival.phone) else { return };
         if let Some(sender) = &arrival.sender {
-            self.receipts.note(&arrival.phone, sender, self.intake.receipt(phone, sender));
+            self.parts.receipts.note(&arrival.phone, sender, self.intake.receipt(phone, sender));
         }
         self.align(phone);
         self.end_if_complete(phone);
@@ -310,7 +296,7 @@ impl Group {
 
     fn align(&mut self, phone: usize) {
         while let Some(message) = self.intake.next_ready(phone) {
-            self.aligner.push(phone, message, self.now);
+            self.parts.aligner.push(phone, message, self.now);
         }
     }
 
@@ -330,7 +316,7 @@ impl Group {
                     );
                 }
                 tracing::info!("{}: agent started: {summary}", arrival.phone);
-                self.outputs.expect(self.intake.expected());
+                self.parts.outputs.expect(self.intake.expected());
                 // It may have finished too.
                 self.end_if_complete(phone);
             }
@@ -358,42 +344,42 @@ impl Group {
             self.recovery.disappeared(index);
         }
         // Its last epochs are ahead of the loss of its token only on the same link; in a replay its end is known exactly.
-        if !alive && self.course != Course::Replay {
+        if !alive && self.parts.course != Course::Replay {
             self.intake.gone(index);
         }
-        if !alive && self.course != Course::Replay && !self.intake.is_complete(index) {
-            self.aligner.leave(index);
+        if !alive && self.parts.course != Course::Replay && !self.intake.is_complete(index) {
+            self.parts.aligner.leave(index);
         }
     }
 
     fn end_if_complete(&mut self, phone: usize) {
         if self.intake.is_complete(phone) {
-            self.aligner.finish(phone);
+            self.parts.aligner.finish(phone);
         }
     }
 
     fn fuse_ready(&mut self) {
-        while let Some(bucket) = self.aligner.pop_ready() {
-            self.outputs.push(&self.engine.step(bucket));
+        while let Some(bucket) = self.parts.aligner.pop_ready() {
+            self.parts.outputs.push(&self.parts.engine.step(bucket));
         }
     }
 
     fn fuse_overdue(&mut self, wall_gps: GpsTime) {
-        if self.course == Course::Replay {
+        if self.parts.course == Course::Replay {
             return;
         }
         loop {
-            let goes_on = self.aligner.go_on(self.now, Some(wall_gps));
-            let notices = self.aligner.notices();
+            let goes_on = self.parts.aligner.go_on(self.now, Some(wall_gps));
+            let notices = self.parts.aligner.notices();
             for notice in &notices {
-                let name = self.phones.get(notice.phone).map_or("?", String::as_str);
+                let name = self.parts.phones.get(notice.phone).map_or("?", String::as_str);
                 tracing::warn!("{name}: {}", notice.text);
                 if matches!(notice.kind, NoticeKind::Silent | NoticeKind::Behind) {
                     self.give_up_gaps(notice.phone);
                 }
             }
-            if self.aligner.went_back() {
-                self.engine.restart();
+            if self.parts.aligner.went_back() {
+                self.parts.engine.restart();
             }
             if !goes_on && notices.is_empty() {
                 return;

@@ -1,6 +1,6 @@
 //! Where fused epochs go: counts, scores, progress, and a list of sinks, each on its own: listeners, status, files.
 
-pub mod positions;
+mod positions;
 mod publisher;
 pub mod recorder;
 mod recording;
@@ -148,7 +148,7 @@ impl Outputs {
 
     /// What is known so far, without what the group knows.
     pub fn report(&self) -> Report {
-        let span = self.tally.group_span();
+        let span = self.tally.span;
         Report {
             schema: SCHEMA,
             methods: self.scores.methods(),
@@ -156,8 +156,8 @@ impl Outputs {
             truth: self.scores.truths(),
             first_gps: span.map(|(first, _)| first.iso()),
             last_gps: span.map(|(_, last)| last.iso()),
-            epochs: self.tally.epochs(),
-            common_epochs: self.tally.common_epochs(),
+            epochs: self.tally.epochs,
+            common_epochs: self.tally.common_epochs,
             same_observations: self.tally.same_observations(),
             constraints: self.tally.constraints(),
             ..Report::default()

@@ -30,10 +30,9 @@ use cofix_common::wire::EpochMessage;
 use nalgebra::Matrix3;
 
 use crate::outputs::{Fused, Opening, Sink, Written};
-use crate::report::satellites_used;
 
 /// The columns: those of a truth table, the phone after the time, and more.
-pub const COLUMNS: [&str; 19] = {
+const COLUMNS: [&str; 19] = {
     let [week, tow, latitude, longitude, height, north, east, up, quality] = TRUTH_COLUMNS;
     [
         week,
@@ -58,56 +57,9 @@ pub const COLUMNS: [&str; 19] = {
     ]
 };
 
-/// Writes the table.
-pub struct PositionTable<W: Write> {
-    names: Vec<String>,
-    writer: csv::Writer<W>,
-}
-
-impl<W: Write> PositionTable<W> {
-    /// Begins with the names of the columns. `names` are the phones' in the group's order.
-    ///
-    /// # Errors
-    /// When the target cannot be written.
-    pub fn new(target: W, names: &[String]) -> csv::Result<Self> {
-        let mut writer = csv::Writer::from_writer(target);
-        writer.write_record(COLUMNS)?;
-        Ok(Self { names: names.to_vec(), writer })
-    }
-
-    /// Adds the phones that have a state.
-    ///
-    /// # Errors
-    /// When the target cannot be written.
-    pub fn push(&mut self, epoch: &FusedEpoch) -> csv::Result<()> {
-        let time = epoch.time_gps;
-        for (name, phone) in self.names.iter().zip(&epoch.phones) {
-            let Some(state) = &phone.state else { continue };
-            let message = phone.message.as_ref();
-            let mut row = vec![time.week().to_string(), format!("{:.9}", time.tow_s()), name.clone()];
-            row.extend(place(state));
-            row.push(quality(message).to_string());
-            row.extend(sigmas(state));
-            row.push(message.map_or_else(String::new, |m| satellites_used(m).to_string()));
-            row.push(message.map_or_else(String::new, |m| m.raim.verdict.to_string()));
-            row.push("joint".to_owned());
-            self.writer.write_record(row)?;
-        }
-        Ok(())
-    }
-
-    /// Hands the target back, with everything in it.
-    ///
-    /// # Errors
-    /// When it cannot be written.
-    pub fn finish(self) -> std::io::Result<W> {
-        self.writer.into_inner().map_err(csv::IntoInnerError::into_error)
-    }
-}
-
 /// The table in a file.
 struct PositionFile {
-    table: PositionTable<OutputFile>,
+    table: csv::Writer<OutputFile>,
     path: PathBuf,
 }
 
@@ -115,24 +67,44 @@ struct PositionFile {
 ///
 /// # Errors
 /// When the file cannot be created.
-pub(crate) fn open(opening: &Opening<'_>) -> anyhow::Result<Box<dyn Sink>> {
+pub(super) fn open(opening: &Opening<'_>) -> anyhow::Result<Box<dyn Sink>> {
     let path = opening.path.to_owned();
     let file = OutputFile::create(Named::new("the positions", &path), opening.overwrite)?;
-    let table = PositionTable::new(file, opening.phones).with_context(|| cannot_write(&path))?;
+    let mut table = csv::Writer::from_writer(file);
+    table.write_record(COLUMNS).with_context(|| cannot_write(&path))?;
     Ok(Box::new(PositionFile { table, path }))
 }
 
 impl Sink for PositionFile {
     fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
-        self.table.push(fused.epoch).with_context(|| cannot_write(&self.path))
+        write(&mut self.table, fused.epoch, fused.phones).with_context(|| cannot_write(&self.path))
     }
 
     fn finish(self: Box<Self>, _text: &str) -> Result<Option<Written>, String> {
         let Self { table, path } = *self;
-        let file = table.finish().map_err(|error| format!("{}: {error}", cannot_write(&path)))?;
+        let file = table.into_inner().map_err(csv::IntoInnerError::into_error);
+        let file = file.map_err(|error| format!("{}: {error}", cannot_write(&path)))?;
         file.commit().map_err(|error| error.to_string())?;
         Ok(Some(Written { title: "Positions", path, figures: String::new(), skips: Skips::default() }))
     }
+}
+
+/// Writes the rows of the phones that have a state.
+fn write(table: &mut csv::Writer<impl Write>, epoch: &FusedEpoch, names: &[String]) -> csv::Result<()> {
+    let time = epoch.time_gps;
+    for (name, phone) in names.iter().zip(&epoch.phones) {
+        let Some(state) = &phone.state else { continue };
+        let message = phone.message.as_ref();
+        let mut row = vec![time.week().to_string(), format!("{:.9}", time.tow_s()), name.clone()];
+        row.extend(place(state));
+        row.push(quality(message).to_string());
+        row.extend(sigmas(state));
+        row.push(message.map_or_else(String::new, |m| m.satellites_used().to_string()));
+        row.push(message.map_or_else(String::new, |m| m.raim.verdict.to_string()));
+        row.push("joint".to_owned());
+        table.write_record(row)?;
+    }
+    Ok(())
 }
 
 fn cannot_write(path: &Path) -> String {
@@ -209,11 +181,13 @@ mod tests {
         let ecef = frame.rotation_ecef_to_enu().transpose() * enu * frame.rotation_ecef_to_enu();
         covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&ecef);
         let state = PhoneState { mean, covariance };
-        let mut table = PositionTable::new(Vec::new(), &["a, b".to_owned()]).unwrap();
-        table.push(&epoch(start, None, Some(Verdict::CannotBeChecked))).unwrap();
-        table.push(&epoch(start, Some(state.clone()), Some(Verdict::Reliable))).unwrap();
-        table.push(&epoch(start + 1.0, Some(state), None)).unwrap();
-        let bytes = table.finish().unwrap();
+        let mut table = csv::Writer::from_writer(Vec::new());
+        table.write_record(COLUMNS).unwrap();
+        let mut push = |epoch| write(&mut table, &epoch, &["a, b".to_owned()]).unwrap();
+        push(epoch(start, None, Some(Verdict::CannotBeChecked)));
+        push(epoch(start, Some(state.clone()), Some(Verdict::Reliable)));
+        push(epoch(start + 1.0, Some(state), None));
+        let bytes = table.into_inner().unwrap();
         let text = String::from_utf8(bytes.clone()).unwrap();
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], COLUMNS.join(","));

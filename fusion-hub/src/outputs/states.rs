@@ -9,11 +9,11 @@ use cofix_common::frames::LocalFrame;
 use cofix_common::fusion::engine::FusedPhone;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
+use cofix_common::wire::EpochMessage;
 use nalgebra::Matrix3;
 use serde::Serialize;
 
 use super::sink::{Fused, Opening, Sink, Written};
-use crate::report::satellites_used;
 
 /// One line. Vectors are east, north, up.
 #[derive(Serialize)]
@@ -93,7 +93,7 @@ fn line<'a>(time_gps: GpsTime, name: &'a str, phone: &FusedPhone, state: &PhoneS
             [enu.m21, enu.m22, enu.m23],
             [enu.m31, enu.m32, enu.m33],
         ],
-        satellites: message.map(satellites_used),
+        satellites: message.map(EpochMessage::satellites_used),
         verdict: message.map(|message| message.raim.verdict.to_string()),
     }
 }

@@ -89,7 +89,7 @@ fn a_sink_that_fails_ends_alone_and_is_told_of() {
         "second: text",
     ];
     assert_eq!(*log.lock().unwrap(), expected);
-    assert_eq!(outputs.tally.epochs(), 3);
+    assert_eq!(outputs.tally.epochs, 3);
 }
 
 #[test]

@@ -23,7 +23,6 @@ use scores::{Methods, TruthReport};
 pub use settings::SettingsReport;
 pub(crate) use table::Verdicts;
 pub use tally::Tally;
-pub(crate) use tally::satellites_used;
 
 /// Number of the form of the JSON report: it grows when a key changes its name or its meaning, or goes.
 pub const SCHEMA: u32 = 1;

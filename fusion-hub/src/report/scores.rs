@@ -9,6 +9,8 @@ use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
 use cofix_common::time::GpsTime;
 use serde::Serialize;
 
+use super::tally::extended;
+
 /// Accuracy by phone; `None` for a phone that cannot be scored.
 pub type ByPhone = BTreeMap<String, Option<Accuracy>>;
 
@@ -157,11 +159,6 @@ impl Scores {
         let spans = Spans { group: self.span?, recording: scores.span? };
         score(scores.truth.as_ref()?, &self.qualities, spans, solutions)
     }
-}
-
-fn extended(span: Option<(GpsTime, GpsTime)>, time: GpsTime) -> (GpsTime, GpsTime) {
-    let (first, last) = span.unwrap_or((time, time));
-    (first.min(time), last.max(time))
 }
 
 impl PhoneScores {

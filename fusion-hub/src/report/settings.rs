@@ -83,7 +83,7 @@ mod tests {
 
     fn report(text: &str) -> Value {
         let text = format!("group = 'g'\n[[phone]]\nname = 'a'\n{text}");
-        let session = Session::parse(&text, Path::new("a.toml")).unwrap();
+        let session = Session::parse(&text, Path::new("a.toml"), None).unwrap();
         serde_json::to_value(SettingsReport::new(&session.settings, &session.truth_quality)).unwrap()
     }
 

@@ -1,6 +1,6 @@
 //! Counts over a session.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use cofix_common::filter::PhoneState;
 use cofix_common::formats::phone::Quantiles;
@@ -26,11 +26,14 @@ const FEWEST_COMMON_SIGNALS: usize = 4;
 pub struct Tally {
     names: Vec<String>,
     phones: Vec<PhoneTally>,
-    span: Option<(GpsTime, GpsTime)>,
     same: BTreeMap<(usize, usize), u64>,
     constraints: ConstraintTally,
-    epochs: u64,
-    common_epochs: u64,
+    /// First and last epoch of the group.
+    pub span: Option<(GpsTime, GpsTime)>,
+    /// Epochs of the group.
+    pub epochs: u64,
+    /// Epochs of the group in which more than one phone took part.
+    pub common_epochs: u64,
 }
 
 /// Counts of one phone.
@@ -88,23 +91,8 @@ impl Tally {
         }
     }
 
-    /// Epochs of the group.
-    pub const fn epochs(&self) -> u64 {
-        self.epochs
-    }
-
-    /// Epochs of the group in which more than one phone took part.
-    pub const fn common_epochs(&self) -> u64 {
-        self.common_epochs
-    }
-
-    /// First and last epoch of the group.
-    pub const fn group_span(&self) -> Option<(GpsTime, GpsTime)> {
-        self.span
-    }
-
     /// First and last epoch of a phone.
-    pub fn span(&self, phone: usize) -> Option<(GpsTime, GpsTime)> {
+    pub fn span_of(&self, phone: usize) -> Option<(GpsTime, GpsTime)> {
         self.phones.get(phone).and_then(|tally| tally.span)
     }
 
@@ -153,7 +141,7 @@ impl PhoneTally {
         let with_rate = message.observations.iter().filter(|o| o.range_rate.is_some()).count();
         report.observations_with_rate += with_rate as u64;
         *report.verdicts.entry(message.raim.verdict.to_string()).or_default() += 1;
-        self.satellites += satellites_used(message) as u64;
+        self.satellites += message.satellites_used() as u64;
         self.span = Some(extended(self.span, message.time_gps));
         self.presence.push(message.time_gps);
     }
@@ -172,12 +160,6 @@ impl PhoneTally {
             ..counted
         }
     }
-}
-
-/// Satellites of which a signal is in use.
-pub(crate) fn satellites_used(message: &EpochMessage) -> usize {
-    let used = message.observations.iter().filter(|o| o.usage == cofix_common::measurement::Usage::Used);
-    used.map(|o| o.satellite).collect::<BTreeSet<SatelliteId>>().len()
 }
 
 /// Standard deviations of the position, m: horizontal (the root of both variances' sum) and vertical.
@@ -201,7 +183,8 @@ fn are_same(a: &[CorrectedObservation], b: &[CorrectedObservation]) -> bool {
     common >= FEWEST_COMMON_SIGNALS
 }
 
-fn extended(span: Option<(GpsTime, GpsTime)>, time: GpsTime) -> (GpsTime, GpsTime) {
+/// The span with an instant.
+pub(super) fn extended(span: Option<(GpsTime, GpsTime)>, time: GpsTime) -> (GpsTime, GpsTime) {
     let (first, last) = span.unwrap_or((time, time));
     (first.min(time), last.max(time))
 }

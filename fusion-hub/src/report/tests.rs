@@ -92,7 +92,7 @@ fn epochs_verdicts_and_constraints_are_counted() {
     tally.push(&epoch(10.0, Verdict::Reliable, actions));
     let still = ConstraintAction { outcome: ConstraintOutcome::Violated, ..action(0, distance, 1.5, 0.1, 0) };
     tally.push(&epoch(11.0, Verdict::Unreliable(Cause::Geometry), vec![still]));
-    assert_eq!((tally.epochs(), tally.common_epochs(), tally.usable_epochs(0)), (2, 0, 0));
+    assert_eq!((tally.epochs, tally.common_epochs, tally.usable_epochs(0)), (2, 0, 0));
     let phones = tally.phones(|_| Skips::default());
     assert_eq!((phones["b"].epochs, phones["b"].empty_epochs, phones["a"].epochs), (2, 2, 0));
     assert_eq!(phones["b"].verdicts["reliable"], 1);

@@ -71,6 +71,7 @@ mod constraint;
 pub mod files;
 mod rules;
 mod text;
+pub mod truths;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -197,37 +198,25 @@ pub enum SessionError {
 }
 
 impl Session {
-    /// Reads a session file. Its paths are relative to its own folder.
-    ///
-    /// # Errors
-    /// See [`SessionError`].
-    pub fn read(path: &Path) -> Result<Self, SessionError> {
-        Self::read_with_data(path, None)
-    }
-
     /// Reads a session file whose paths are relative to the folder `data`; to its own without one.
     ///
     /// # Errors
     /// See [`SessionError`].
-    pub fn read_with_data(path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
+    pub fn read(path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
         let text = std::fs::read_to_string(path)
             .map_err(|cause| SessionError::Read { path: path.to_owned(), cause })?;
         if let Some(folder) = data.filter(|folder| !folder.is_dir()) {
             let reason = format!("its data should lie in {}, which is no folder", folder.display());
             return Err(SessionError::Invalid { path: path.to_owned(), reason });
         }
-        Self::parse_with_data(&text, path, data)
+        Self::parse(&text, path, data)
     }
 
-    /// Reads the text of a session file that lies at `path`.
+    /// Reads the text of a session file that lies at `path`; its paths are relative as of [`Session::read`].
     ///
     /// # Errors
     /// See [`SessionError`].
-    pub fn parse(text: &str, path: &Path) -> Result<Self, SessionError> {
-        Self::parse_with_data(text, path, None)
-    }
-
-    fn parse_with_data(text: &str, path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
+    pub fn parse(text: &str, path: &Path, data: Option<&Path>) -> Result<Self, SessionError> {
         let file: text::SessionFile = toml::from_str(text).map_err(|error| SessionError::Text {
             path: path.to_owned(),
             message: with_advice(&error, text),
@@ -310,7 +299,7 @@ fn corrections(
     // All keys may stand in a file with their usual values.
     let usual_age_s = Estimator::preset(preset).correction.maximum_age_s;
     let stray = table.base_position_m.is_some() || estimator.correction.maximum_age_s != usual_age_s;
-    if stray && corrections.is_none() {
+    if stray && corrections.sources.is_empty() {
         return Err("[correction] base_position_m and maximum_age_s need sources".to_owned());
     }
     Ok(corrections)

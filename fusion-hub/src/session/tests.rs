@@ -41,7 +41,7 @@ truth_quality = [1, 2]
 "#;
 
 fn parse(text: &str) -> Result<Session, SessionError> {
-    Session::parse(text, Path::new("drives/monday/session.toml"))
+    Session::parse(text, Path::new("drives/monday/session.toml"), None)
 }
 
 fn refusal(text: &str) -> String {
@@ -310,7 +310,7 @@ fn a_value_of_a_constraint_is_refused_with_its_line() {
 
 #[test]
 fn a_missing_file_is_named() {
-    let message = Session::read(Path::new("no/such/session.toml")).unwrap_err().to_string();
+    let message = Session::read(Path::new("no/such/session.toml"), None).unwrap_err().to_string();
     assert!(message.contains("no/such/session.toml") && message.contains("cannot read"), "{message}");
 }
 
@@ -320,18 +320,18 @@ fn paths_are_relative_to_a_folder_that_is_named() {
     let file = folder.path().join("session.toml");
     std::fs::write(&file, SESSION).unwrap();
     let data = folder.path().join("data of mine");
-    let refused = Session::read_with_data(&file, Some(&data)).unwrap_err().to_string();
+    let refused = Session::read(&file, Some(&data)).unwrap_err().to_string();
     assert!(
         refused.contains("session.toml") && refused.contains("data of mine, which is no folder"),
         "{refused}"
     );
     std::fs::create_dir(&data).unwrap();
-    let session = Session::read_with_data(&file, Some(&data)).unwrap();
+    let session = Session::read(&file, Some(&data)).unwrap();
     assert_eq!(session.products.bias, [data.join("biases.bia")]);
     assert_eq!(session.products.navigation, [PathBuf::from("/data/brdc.rnx.gz")], "absolute paths stay");
     assert_eq!(session.phones[0].observations, Some(data.join("HP30.rnx")));
     assert_eq!(session.phones[0].truth, Some(data.join("HP30.truth.csv")));
-    let beside = Session::read_with_data(&file, None).unwrap();
+    let beside = Session::read(&file, None).unwrap();
     assert_eq!(beside.phones[0].truth, Some(folder.path().join("HP30.truth.csv")));
 }
 
@@ -340,7 +340,7 @@ fn paths_are_relative_to_a_folder_that_is_named() {
 fn the_sessions_to_reproduce_are_read() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reproduce");
     for name in ["WH-3-08", "WH-3-09", "WH-4-06"] {
-        let session = Session::read(&folder.join(format!("{name}.toml"))).unwrap();
+        let session = Session::read(&folder.join(format!("{name}.toml")), None).unwrap();
         assert_eq!(session.phone_names(), ["HP30", "HP20", "VX30", "XIM8"], "{name}");
         for phone in &session.phones {
             let log = phone.observations.as_ref().unwrap().display().to_string();

@@ -38,7 +38,7 @@ fn what_is_written_reads_back_to_the_digits_of_rinex() {
     for kind in Kind::ALL {
         let folder = tempfile::tempdir().unwrap();
         let arguments = arguments(kind, folder.path());
-        let session = Session::read(&write(&arguments).unwrap()).unwrap();
+        let session = Session::read(&write(&arguments).unwrap(), None).unwrap();
         let simulation = Simulation::new(arguments.scenario()).unwrap();
         assert_eq!(session.phone_names(), simulation.phone_names());
         let constraints: Vec<Constraint> = session.constraints.iter().map(|c| c.constraint).collect();

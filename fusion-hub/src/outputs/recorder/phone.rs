@@ -14,7 +14,6 @@ use super::rrd::{RecorderError, RrdFile};
 use super::series::{LogLines, Series, Style};
 use super::signals::Signals;
 use super::track::{Ellipsoid, Track, drawable, ellipsoid};
-use crate::report::satellites_used;
 use crate::report::scores::Reference;
 
 /// What a phone's epoch is recorded at.
@@ -128,7 +127,7 @@ impl PhoneRecorder {
     fn push_message(&mut self, time_ns: i64, message: Option<&EpochMessage>, skips: &mut Skips) {
         let observations = message.map_or(&[][..], |m| &m.observations);
         self.signals.push(time_ns, observations, skips);
-        self.satellites.push(time_ns, message.map(|m| satellites_used(m) as f64), skips);
+        self.satellites.push(time_ns, message.map(|m| m.satellites_used() as f64), skips);
         self.pdop.push(time_ns, message.and_then(|m| m.wls.as_ref()).map(|s| s.dops.pdop), skips);
         let Some(raim) = message.map(|m| m.raim) else { return };
         if raim.verdict != Verdict::Reliable || self.last_verdict != Some(raim.verdict) {
