@@ -16,7 +16,7 @@ use crate::simulate::Kind;
 /// Truth rows of a simulation count as fixed.
 pub(crate) const QUALITY: u8 = 1;
 
-/// What the demonstration simulates: six phones in two cars, in and around an old town of narrow streets.
+/// The scenario of the demonstration: six phones in two cars, in and around an old town of narrow streets.
 pub fn scenario() -> Scenario {
     Kind::Canyon.scenario(None)
 }
