@@ -63,14 +63,14 @@ pub(crate) struct Sourcetable {
     pub(crate) caster_ca: Option<PathBuf>,
 }
 
-/// Who may vouch for casters in TLS; `is_used`: whether one is named.
+/// Trusted certificates for casters in TLS; `is_used`: whether such a caster is named.
 pub(crate) fn trust(caster_ca: Option<&Path>, is_used: bool) -> anyhow::Result<Trust> {
     let Some(path) = caster_ca else { return Ok(Trust::default()) };
     anyhow::ensure!(is_used, "--caster-ca is for casters in TLS, and no ntrips:// is named");
     Ok(Trust::with_file(path)?)
 }
 
-/// What a settings file says, if one is named, with masks and ways to read logs of the command line before its own.
+/// The settings of a file, if it is named, under the masks and log options of the command line.
 pub(crate) fn settings(file: Option<&Path>, masks: Masks, log: LogOptions) -> anyhow::Result<FileSettings> {
     let file = file.map(FileSettings::read).transpose()?.unwrap_or_default();
     Ok(FileSettings { estimator: file.estimator, masks: masks.or(file.masks), log: log.or(&file.log) })
@@ -185,7 +185,7 @@ pub(crate) struct Publish {
 }
 
 impl Publish {
-    /// What the agent is told.
+    /// The agent's configuration.
     pub(crate) fn config(
         self,
         products: ProductFiles,
@@ -227,7 +227,7 @@ impl Publish {
         })
     }
 
-    /// Tells live sources who may vouch for their casters.
+    /// Gives live sources the trusted certificates.
     fn trust(&self, source: &mut Source, corrections: &mut [CorrectionSource]) -> anyhow::Result<()> {
         let own = if let Source::Live { from, .. } = source { Some(from) } else { None };
         let others = corrections.iter_mut().filter_map(|source| match source {

@@ -1,5 +1,5 @@
-//! Output files: none of them is an input or another output, none replaces a file unless that was asked for, and each appears
-//! whole or not at all.
+//! Output files. An output is neither an input nor another output, replaces no file unless that was asked for, and appears whole or not
+//! at all.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -7,17 +7,17 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
 
-/// A file and what it is for.
+/// A file and its purpose.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Named {
-    /// What it is for, with its article: "the report".
+    /// Its purpose, with the article: "the report".
     pub what: String,
     /// The file.
     pub path: PathBuf,
 }
 
 impl Named {
-    /// A file for something.
+    /// A file with its purpose.
     pub fn new(what: &str, path: &Path) -> Self {
         Self { what: what.to_owned(), path: path.to_owned() }
     }
@@ -31,9 +31,9 @@ pub enum OutputError {
     Same {
         /// The file.
         path: PathBuf,
-        /// What it should be.
+        /// The output's purpose.
         what: String,
-        /// What it is.
+        /// The purpose of the file that it would overwrite.
         other: String,
     },
     /// A file of that name is there.
@@ -83,7 +83,7 @@ pub fn check_absent(output: &Named) -> Result<(), OutputError> {
     if output.path.is_file() { Err(exists(output)) } else { Ok(()) }
 }
 
-/// One name for one file, as far as links and `..` go.
+/// The path of a file without links and `..`.
 fn place(path: &Path) -> PathBuf {
     if let Ok(place) = path.canonicalize() {
         return place;
@@ -115,7 +115,7 @@ pub struct OutputFile {
 enum Destination {
     /// The file that will be put at `place`.
     Beside { file: BufWriter<NamedTempFile>, place: PathBuf },
-    /// Something that is no file.
+    /// A pipe or a device.
     Direct(BufWriter<File>),
 }
 

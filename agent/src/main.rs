@@ -44,7 +44,7 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
     }
 }
 
-/// A file that cannot be used does not keep the others from being shown; the exit code tells.
+/// A file that cannot be used does not keep the others from being shown, and makes the exit code 1.
 fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
     let (masks, log) = (arguments.masks.clone(), arguments.log.clone());
     let FileSettings { estimator, masks, log } =

@@ -47,7 +47,7 @@ pub enum AgentError {
         /// Epochs published.
         published: u64,
     },
-    /// The hub never said what it got.
+    /// The hub never answered how many epochs it has.
     #[error(
         "{published} epochs were published and none is confirmed: the hub did not answer how many of them it has; it ended, the connection is \
          lost, or the link is too slow for what waits on it (the hub's report tells)"
@@ -58,18 +58,18 @@ pub enum AgentError {
     },
 }
 
-/// What an agent did.
+/// The result of an agent's run.
 #[derive(Clone, Debug)]
 pub struct AgentReport {
     /// Epochs published.
     pub epochs_published: u64,
-    /// Epochs that have a position by themselves.
+    /// Epochs with a position of their own.
     pub solutions: u64,
     /// Whether it was asked to stop before the end.
     pub stopped: bool,
-    /// What base stations did for the observations.
+    /// Counts of observations by how base stations corrected them.
     pub corrections: DifferentialCounts,
-    /// What was skipped, from the file to the solution.
+    /// Everything skipped, from the file to the solution.
     pub skips: Skips,
 }
 
@@ -150,7 +150,7 @@ pub fn run_watched(
     Ok(report)
 }
 
-/// What is known before the first epoch.
+/// Everything that is prepared before the first epoch.
 struct Prepared<'a> {
     products: Arc<Products>,
     /// Epochs of a recorded source.
@@ -209,7 +209,7 @@ struct Work<'a> {
     products: Arc<Products>,
     pipeline: PhonePipeline,
     publication: Publication,
-    /// Corrections from elsewhere.
+    /// Sources of corrections beside the products.
     feed: Option<Feed>,
     /// Where the phone is, for casters.
     rover: RoverPosition,
@@ -241,7 +241,7 @@ impl Work<'_> {
             let mut own = OwnNavigation::default();
             let epoch = own.take(record);
             if is_live {
-                self.learn(own, opened);
+                self.take_navigation(own, opened);
             }
             let Some(epoch) = epoch else { continue };
             self.rover.suppose(opened.records().and_then(|records| records.decoder().station()));
@@ -252,7 +252,7 @@ impl Work<'_> {
             if pace.wait(epoch.time_gps, self.stop) && !is_live {
                 break;
             }
-            self.hear(epoch.time_gps)?;
+            self.take_corrections(epoch.time_gps)?;
             let is_first = self.publication.published() == 0;
             note_shortcomings(epoch.time_gps, is_first, &self.products, &mut self.shortcomings);
             let message = match opened.records() {
@@ -269,8 +269,8 @@ impl Work<'_> {
         Ok(())
     }
 
-    /// Takes what corrections are there for an epoch.
-    fn hear(&mut self, time_gps: GpsTime) -> Result<(), AgentError> {
+    /// Takes the corrections that are there for an epoch.
+    fn take_corrections(&mut self, time_gps: GpsTime) -> Result<(), AgentError> {
         let Some(feed) = &mut self.feed else { return Ok(()) };
         let News { navigation, bases } = feed.until(time_gps, self.stop)?;
         if !navigation.is_empty() {
@@ -282,8 +282,8 @@ impl Work<'_> {
         Ok(())
     }
 
-    /// Takes what a live source has sent of navigation messages: it serves from now on.
-    fn learn(&mut self, mut own: OwnNavigation, opened: &Opened<'_>) {
+    /// Takes the navigation messages that a live source has sent: they serve from now on.
+    fn take_navigation(&mut self, mut own: OwnNavigation, opened: &Opened<'_>) {
         if !self.terms_known
             && let Some(records) = opened.records()
         {
@@ -318,7 +318,7 @@ fn some_epoch(config: &AgentConfig, published: u64, skips: &Skips, stop: &Stop) 
     }
 }
 
-/// Says goodbye and waits until the hub has everything.
+/// Publishes the last status and waits until the hub has every epoch.
 fn finish(
     config: &AgentConfig,
     publication: &Publication,

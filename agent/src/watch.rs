@@ -1,11 +1,11 @@
-//! What the agent says while it runs.
+//! The status line of a running agent.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use cofix_agent::clock;
-use cofix_agent::status::{Board, Moment, Pulse};
+use cofix_agent::status::{Board, LastEpochs, Moment};
 use cofix_common::wire::EpochMessage;
 
 /// How often the thread looks at the clock.
@@ -51,13 +51,13 @@ impl Drop for Watch {
 
 fn watch(phone: &str, published: &Receiver<EpochMessage>) {
     let start = Instant::now();
-    let mut pulse = Pulse::default();
+    let mut last = LastEpochs::default();
     let mut board = Board::new(1, |line| tracing::info!("{line}"));
     loop {
         let moment = |now| Moment { now, wall_gps: clock::now() };
         match published.recv_timeout(TICK) {
             Ok(message) => {
-                for alarm in pulse.epoch(&message, message.local.as_ref(), moment(start.elapsed())) {
+                for alarm in last.epoch(&message, message.local.as_ref(), moment(start.elapsed())) {
                     tracing::warn!("{phone}: {alarm}");
                 }
             }
@@ -66,7 +66,7 @@ fn watch(phone: &str, published: &Receiver<EpochMessage>) {
         }
         let now = start.elapsed();
         if board.is_due(now) {
-            board.show(&[pulse.line(phone, moment(now))]);
+            board.show(&[last.line(phone, moment(now))]);
         }
     }
 }

@@ -46,7 +46,7 @@ fn agent(folder: &Path, observations: &str, products: &[&str]) -> assert_cmd::as
         .assert()
 }
 
-/// The agent's last words, after checking that it failed with exit code 1 and one line.
+/// The agent's standard error, after checking that it failed with exit code 1 and one error.
 fn failure(folder: &Path, observations: &str, products: &[&str]) -> String {
     let assert = agent(folder, observations, products).code(1);
     let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();

@@ -80,7 +80,7 @@ fn direction(simulation: &Simulation, simulated: &SimulatedEpoch, satellite: Sat
     Direction { azimuth_rad: enu.east.atan2(enu.north), elevation_rad: enu.up.atan2(enu.horizontal()) }
 }
 
-/// A log of the simulation's GPS and Galileo L1 signals, with the phone's directions turned by so many degrees.
+/// A log of the simulation's GPS and Galileo L1 signals, with the phone's directions turned by this angle, degrees.
 fn log(simulation: &Simulation, turned_deg: f64) -> String {
     let mut text = HEADER.to_owned();
     for (time_ns, simulated) in (7_000_000_000_000_i64..).step_by(1_000_000_000).zip(simulation.epochs(0)) {

@@ -23,14 +23,14 @@ fn config(hub: &Hub, source: LiveSource) -> AgentConfig {
     AgentConfig { speed: Speed::Times(1e-5), ..hub.agent(Source::Live { from: source, near: None }) }
 }
 
-/// Receives so many epochs; they are numbered without a gap.
+/// Receives this range of epochs, numbered without a gap.
 fn receive(hub: &Hub, sequence: std::ops::Range<u64>) {
     for number in sequence {
         assert_eq!(hub.receive(1)[0].sequence, number);
     }
 }
 
-/// Checks the agent's first and last words.
+/// Checks the agent's first and last status.
 fn check(hub: &Hub, report: &AgentReport, epochs: u64) {
     assert_eq!(report.epochs_published, epochs);
     let statuses = hub.statuses.lock().unwrap();

@@ -1,4 +1,4 @@
-//! Outputs on the command line: whether they may be written, and what is said at the end.
+//! Outputs on the command line: the checks before, and the text at the end of a run.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -10,12 +10,12 @@ use cofix_hub::replay::Outcome;
 use cofix_hub::report::InputFile;
 use cofix_hub::report::attention;
 
-/// The report's file, and what goes into it beside the session's outcome.
+/// The report's file, and its content beside the session's outcome.
 #[derive(Debug)]
 pub struct ReportPlan {
     file: Option<OutputFile>,
     inputs: Vec<Named>,
-    /// Inputs in here are named from here.
+    /// Inputs in this folder are named relative to it.
     folder: PathBuf,
 }
 

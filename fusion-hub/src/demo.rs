@@ -13,7 +13,7 @@ use crate::replay::{Plan, PlannedPhone};
 use crate::session::Settings;
 use crate::simulate::{Kind, QUALITY};
 
-/// What the demonstration simulates: six phones in two cars, in and around an old town of narrow streets.
+/// The scenario of the demonstration: six phones in two cars, in and around an old town of narrow streets.
 pub fn scenario() -> Scenario {
     Kind::Canyon.scenario(None)
 }

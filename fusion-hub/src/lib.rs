@@ -4,8 +4,8 @@
 //! Zenoh ─▶ network ─▶ intake (decode, sanitise, count) ─▶ align ─▶ engine ─▶ outputs: publisher, recorder, scores
 //! ```
 //!
-//! Zenoh's threads only put bytes into a bounded channel; one thread does everything else, in [`group`]. What it computes
-//! depends on the messages of each phone and not on how those of different phones interleave.
+//! Zenoh's threads only put bytes into a bounded channel; one thread does everything else, in [`group`]. Its results depend
+//! on the messages of each phone and not on how those of different phones interleave.
 
 pub mod demo;
 pub mod group;

@@ -1,4 +1,4 @@
-//! A session as it happens.
+//! A live session.
 
 use std::time::Duration;
 
@@ -17,20 +17,20 @@ use crate::report::scores::Scores;
 use crate::session::Session;
 use crate::session::truths::read_truths;
 
-/// How a live hub runs.
+/// Options of a live hub.
 #[derive(Clone, Debug)]
 pub struct LiveOptions {
     /// Zenoh endpoints to listen on.
     pub listen: Vec<String>,
-    /// What to write where.
+    /// Files to write.
     pub files: OutputFiles,
     /// Whether to end when the agents of all phones have finished.
     pub until_finished: bool,
-    /// How long the group waits for a phone, in place of what the session says.
+    /// Longest wait of the group for a phone, in place of the session's.
     pub latency: Option<Duration>,
 }
 
-/// Runs a hub until `stop` is requested or, if so wished, all agents have finished. Blocks.
+/// Runs a hub until `stop` is requested or, with `until_finished`, all agents have finished. Blocks.
 ///
 /// # Errors
 /// When the endpoints cannot be listened on, a truth file cannot be used, or an output cannot be written.
@@ -58,7 +58,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     });
     let worked = group.work(&events, stop);
     if worked.is_ok() {
-        group.see_off(&events, stop);
+        group.wait_for_agents(&events, stop);
     }
     if let Err(error) = worked {
         group.report().1.keep(&error);

@@ -20,7 +20,7 @@ use cofix_hub::simulate::{self, simulate};
 
 use arguments::{ReportPlan, conclude};
 
-/// Where the demonstration is recorded.
+/// Default recording of the demonstration.
 const DEMO_RECORDING: &str = "cofix-demo.rrd";
 
 /// Fuses the phones of a group in one constrained filter, publishes, records and scores.

@@ -29,12 +29,12 @@ use crate::session::{Session, SessionPhone, Settings};
 /// A port on loopback that the system chooses.
 const LOOPBACK: &str = "tcp/127.0.0.1:0";
 
-/// Everything that a replay needs.
+/// The plan of a replay.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The group's name.
     pub group: String,
-    /// Orbits and the rest.
+    /// Products.
     pub products: ProductSource,
     /// The phones, in the order that constraints refer to.
     pub phones: Vec<PlannedPhone>,
@@ -42,9 +42,9 @@ pub struct Plan {
     pub constraints: Vec<ScheduledConstraint>,
     /// Qualities of truth rows that count.
     pub truth_quality: Vec<u8>,
-    /// How it is processed.
+    /// The settings of its processing.
     pub settings: Settings,
-    /// What was skipped in reading the truths.
+    /// Skipped in reading the truths.
     pub truth_skips: Skips,
 }
 
@@ -61,29 +61,29 @@ pub struct PlannedPhone {
     pub recorded_corrections: bool,
     /// Weeks to add to its times.
     pub shift_weeks: Option<i64>,
-    /// What is not used of it, beside what the settings exclude for all phones.
+    /// Satellites and signals of it that are not used, beside those that the settings exclude for all phones.
     pub exclude: Vec<Exclusion>,
 }
 
-/// How a replay is made.
+/// Options of a replay.
 #[derive(Clone, Debug, Default)]
 pub struct ReplayOptions {
-    /// What to write where.
+    /// Files to write.
     pub files: OutputFiles,
-    /// How fast.
+    /// Playback speed.
     pub speed: Speed,
     /// Whether to show progress on a terminal.
     pub progress: bool,
 }
 
-/// What came of a session.
+/// The result of a session.
 #[derive(Debug)]
 pub struct Outcome {
     /// The report.
     pub report: Report,
     /// The accuracy table.
     pub table: String,
-    /// The files that were wished for and are whole, but for the report.
+    /// The requested files that are whole, without the report.
     pub written: Vec<Written>,
     /// Why an output is incomplete, if one is.
     pub failure: Option<String>,
@@ -114,7 +114,7 @@ impl Plan {
     /// The settings of a phone's agent.
     ///
     /// # Errors
-    /// A mask that makes no sense.
+    /// Invalid mask.
     pub fn pipeline(&self, phone: &PlannedPhone) -> Result<PipelineOptions, MaskError> {
         let mut options = self.settings.options()?.0;
         options.recorded_corrections = phone.recorded_corrections;
@@ -125,7 +125,7 @@ impl Plan {
     /// How a phone's log is read.
     ///
     /// # Errors
-    /// A mask that makes no sense.
+    /// Invalid mask.
     fn log(&self, phone: &PlannedPhone) -> Result<gnsslogger::Options, MaskError> {
         let Settings { log, masks, .. } = &self.settings;
         LogOptions { shift_weeks: phone.shift_weeks, ..log.clone() }.with(masks)
@@ -191,7 +191,7 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
         agents_stop.request();
     }
     let joined = join(agents, &events);
-    // Before anything of it is dropped: Zenoh does not bear that while agents' sessions end.
+    // Before it is dropped: Zenoh may panic when subscribers are dropped while agents' sessions end.
     let closed = network.close();
     let mut skips = product_skips;
     skips.merge(&plan.truth_skips);
@@ -239,7 +239,7 @@ fn start_agent(config: AgentConfig, network: &Network, stop: Stop) -> anyhow::Re
     handle.context("cannot start a thread for an agent")
 }
 
-/// Waits for the agents, emptying the channel meanwhile so that none of them hangs on it.
+/// Waits for the agents, and meanwhile empties the channel so that no agent waits for room in it.
 fn join(agents: Vec<JoinHandle<()>>, events: &std::sync::mpsc::Receiver<Event>) -> anyhow::Result<()> {
     let mut failed = None;
     for agent in agents {

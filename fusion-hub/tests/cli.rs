@@ -17,7 +17,7 @@ fn hub(folder: &Path, arguments: &[&str]) -> assert_cmd::assert::Assert {
         .assert()
 }
 
-/// The hub's last words, after checking that it failed with exit code 1 and one line.
+/// The hub's standard error, after checking that it failed with exit code 1 and one error.
 fn failure(folder: &Path, arguments: &[&str]) -> String {
     let assert = hub(folder, arguments).code(1);
     let text = String::from_utf8(assert.get_output().stderr.clone()).unwrap();

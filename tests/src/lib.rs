@@ -1,4 +1,4 @@
-//! What the whole-system tests share: small simulated sessions, and a hub and agents as separate parts so that faults can be put between
+//! Helpers of the whole-system tests: small simulated sessions, and a hub and agents as separate parts so that faults can be put between
 //! them.
 
 #[path = "../../agent/tests/limits/mod.rs"]
@@ -43,9 +43,9 @@ fn from_the_start(phone: PhoneOptions) -> PhoneOptions {
     PhoneOptions { starts_after_s: 0.0, stops_before_s: 0.0, ..phone }
 }
 
-/// A hub at work on a thread of its own.
+/// A hub on a thread of its own.
 pub struct Hub {
-    /// Where agents can connect.
+    /// Endpoints for agents.
     pub endpoints: Vec<String>,
     /// Ends the hub.
     pub stop: Stop,
@@ -90,7 +90,7 @@ impl Hub {
         let asked = stop.clone();
         let thread = limits::spawn(move || {
             group.work(&events, &asked)?;
-            group.see_off(&events, &asked);
+            group.wait_for_agents(&events, &asked);
             let report = group.report().0;
             drop(events);
             network.close()?;
@@ -121,7 +121,7 @@ impl Hub {
         self.join()
     }
 
-    /// A Zenoh session of somebody who is no agent.
+    /// A Zenoh session that is not an agent's.
     ///
     /// # Errors
     /// When the hub does not answer.
@@ -156,7 +156,7 @@ pub fn agent_config(plan: &Plan, phone: usize, connect: &[String]) -> anyhow::Re
     })
 }
 
-/// An agent at work on a thread of its own.
+/// An agent on a thread of its own.
 pub type AgentThread = Running<Result<AgentReport, AgentError>>;
 
 /// Starts an agent.

@@ -1,4 +1,4 @@
-//! A link between agent and hub that delays what it carries.
+//! A link between agent and hub with a delay.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -12,7 +12,7 @@ const PORTION_BYTES: usize = 16_384;
 
 /// A TCP relay on loopback whose delay may be changed.
 pub struct SlowLink {
-    /// Where agents can connect.
+    /// The endpoint for agents.
     pub endpoint: String,
     delay_ms: Arc<AtomicU64>,
 }
@@ -41,7 +41,7 @@ impl SlowLink {
         Ok(Self { endpoint, delay_ms })
     }
 
-    /// From now on what is sent arrives later by `delay`, in both directions.
+    /// Delays bytes that are sent from now on by `delay`, in both directions.
     pub fn set_delay(&self, delay: Duration) {
         let milliseconds = u64::try_from(delay.as_millis()).unwrap_or(u64::MAX);
         self.delay_ms.store(milliseconds, Ordering::Relaxed);

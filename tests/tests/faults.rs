@@ -458,7 +458,7 @@ fn an_agent_on_a_delayed_link_knows_that_its_epochs_are_fused() {
     assert_eq!(hub.join().unwrap().phones["SIM1"].epochs, epochs_published);
 }
 
-/// Waits until a hub has published so many fused states.
+/// Waits until a hub has published this number of fused states.
 fn wait_for_fused(hub: &Hub, plan: &Plan, count: usize) {
     let session = hub.foreign_session().unwrap();
     let fused = session.declare_subscriber(all_fused_key(&plan.group).unwrap()).wait().unwrap();

@@ -1,10 +1,10 @@
-//! Why there is no summary.
+//! Errors of reading a recording.
 
 use std::path::PathBuf;
 
 use cofix_common::recording::APPLICATION_ID;
 
-/// Why there is no summary.
+/// Error of reading a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum SummaryError {
     /// The file cannot be opened or read.
@@ -12,7 +12,7 @@ pub enum SummaryError {
     Open {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// The file is something else.
@@ -20,10 +20,10 @@ pub enum SummaryError {
     NotARecording {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The defect.
         message: String,
     },
-    /// The file ends before it says what it holds.
+    /// The file ends before its first recording.
     #[error("{} holds no recording; it may have been cut off at its start", path.display())]
     Empty {
         /// The file.

@@ -1,4 +1,4 @@
-//! Looking at what a fusion hub recorded: a summary in text, and the Rerun viewer.
+//! Recordings of the fusion hub: a summary in text, and the Rerun viewer.
 
 mod error;
 pub mod open;

@@ -8,12 +8,12 @@ use crate::RERUN_VERSION;
 
 /// The viewer's program.
 const PROGRAM: &str = "rerun";
-/// Where the viewer listens for data of other programs: to this computer alone. By itself it listens to the whole network.
+/// Address on which the viewer listens for data of other programs: this computer only. By default it listens to the whole network.
 const BIND: [&str; 2] = ["--bind", "127.0.0.1"];
-/// What should be known of the viewer.
+/// Note about the viewer's telemetry.
 pub const TELEMETRY: &str = "the Rerun viewer sends statistics of its use to its makers, unless `rerun analytics disable` was said once";
 
-/// Why the viewer did not run.
+/// Error of running the viewer.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// It is not installed.
@@ -31,12 +31,12 @@ pub enum OpenError {
     Failed {
         /// The recording.
         path: PathBuf,
-        /// How it ended.
+        /// Its exit status.
         status: ExitStatus,
     },
 }
 
-/// What the installed viewer says of itself: `rerun --version`.
+/// The version of the installed viewer, by `rerun --version`.
 ///
 /// # Errors
 /// When it cannot be started.

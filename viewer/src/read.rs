@@ -11,7 +11,7 @@ use rerun::log::Chunk;
 
 use crate::error::SummaryError;
 
-/// What a file holds.
+/// The content of a file.
 pub(crate) struct Contents {
     /// Recordings in the order in which they begin; blueprints are not among them.
     pub recordings: Vec<StoreId>,

@@ -1,4 +1,4 @@
-//! What is in a recording.
+//! The summary of a recording.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -15,7 +15,7 @@ use rerun::{EntityPath, EntityPathPart, RecordingInfo, TextDocument};
 pub use crate::error::SummaryError;
 use crate::read::{Contents, read};
 
-/// How much of an entity, or of a group of like entities, there is.
+/// Size of an entity, or of a group of like entities.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Amount {
     /// Entities.
@@ -24,7 +24,7 @@ pub struct Amount {
     pub rows: usize,
 }
 
-/// What is in a recording.
+/// The summary of a recording.
 #[derive(Clone, Debug)]
 pub struct Summary {
     /// The file.
@@ -45,12 +45,12 @@ pub struct Summary {
     pub accuracy: Option<String>,
     /// Whether the file brings its layout.
     pub has_layout: bool,
-    /// What is wrong with the file.
+    /// Warnings about the file.
     pub warnings: Vec<String>,
 }
 
 impl Summary {
-    /// Reads a recording; one that was cut off as far as it goes, with a warning.
+    /// Reads a recording. A recording that was cut off is read as far as it goes, with a warning.
     ///
     /// # Errors
     /// When the file cannot be read at all or is not one of ours.

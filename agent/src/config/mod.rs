@@ -1,4 +1,4 @@
-//! What an agent is told.
+//! The configuration of an agent.
 
 mod corrections;
 
@@ -31,12 +31,12 @@ pub struct AgentConfig {
     pub phone: String,
     /// Where observations come from.
     pub source: Source,
-    /// Where orbits and the rest come from.
+    /// Where orbits, clocks, biases and ionosphere models come from.
     pub products: ProductSource,
-    /// Corrections from elsewhere, if any.
+    /// Sources of corrections beside the products, if any.
     pub corrections: Corrections,
-    /// About where the phone is, for casters that send nothing before they know it. Without it the recording's header, the base's position and the
-    /// phone's own solutions tell.
+    /// Approximate position of the phone, for casters that send nothing before they know it. Without it, the recording's header, the base's
+    /// position and the phone's own solutions give it.
     pub approximate_position: Option<Ecef>,
     /// Zenoh endpoints of the hub (or a router), such as `tcp/127.0.0.1:7447`.
     pub connect: Vec<String>,
@@ -46,22 +46,22 @@ pub struct AgentConfig {
     pub log: gnsslogger::Options,
     /// The estimator's settings.
     pub pipeline: PipelineOptions,
-    /// How long to wait for the hub: to be reachable, to listen, and, without progress, to confirm receipt.
+    /// Longest wait for the hub: until it is reachable, until it listens, and, without progress, until it confirms receipt.
     pub patience: Duration,
     /// Whether the hub is in this process and asks the agent to stop when it fails. Such a hub may be slow on a busy machine: as long as it is
     /// connected, it is given ten minutes without progress, not `patience`.
     pub hub_in_process: bool,
-    /// How many of the last messages are kept for a hub that comes late or loses its connection.
+    /// Number of the last messages that are kept for a hub that starts late or loses its connection.
     pub kept_messages: usize,
 }
 
 impl AgentConfig {
-    /// Ten seconds of patience for a hub.
+    /// Default of [`AgentConfig::patience`].
     pub const PATIENCE: Duration = Duration::from_secs(10);
-    /// An hour at 1 Hz; about 30 MB.
+    /// Default of [`AgentConfig::kept_messages`]: an hour at 1 Hz, about 30 MB.
     pub const KEPT_MESSAGES: usize = 3_600;
 
-    /// An agent as fast as it goes, with no products and no hub yet, and everything else by default.
+    /// The default configuration: maximum speed, no products, and no endpoint of a hub.
     pub fn new(group: &str, phone: &str, source: Source) -> Self {
         Self {
             group: group.to_owned(),
@@ -102,11 +102,11 @@ pub enum Source {
         /// tell, or else the time of the file's last change.
         near: Option<GpsTime>,
     },
-    /// Bytes as they come. Epochs are published at once, whatever [`AgentConfig::speed`] says.
+    /// A source of bytes that arrive in real time. Epochs are published at once, whatever [`AgentConfig::speed`] says.
     Live {
         /// Where they come from.
         from: LiveSource,
-        /// As of [`Source::File`]; without it the computer's clock tells.
+        /// As of [`Source::File`]; without it, the computer's clock gives it.
         near: Option<GpsTime>,
     },
     /// Epochs in memory, in order of time: a simulated phone.
@@ -114,7 +114,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// The instant near its beginning that goes with it, if any.
+    /// The given instant near its beginning, if any.
     pub(crate) const fn near(&self) -> Option<GpsTime> {
         match self {
             Self::File { near, .. } | Self::Live { near, .. } => *near,
@@ -123,12 +123,12 @@ impl Source {
     }
 }
 
-/// Where orbits and the rest come from.
+/// Where orbits, clocks, biases and ionosphere models come from.
 #[derive(Clone, Debug)]
 pub enum ProductSource {
     /// Files.
     Files(ProductFiles),
-    /// Read already, and shared.
+    /// Products in memory, which agents share.
     Loaded(Arc<Products>),
 }
 
@@ -170,14 +170,14 @@ impl ProductFiles {
 /// How fast recorded epochs are published.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Speed {
-    /// As fast as they are computed.
+    /// As fast as epochs are computed.
     #[default]
     Maximum,
-    /// So many times the speed at which they were recorded; above 0.
+    /// This multiple of the recorded speed; above 0.
     Times(f64),
 }
 
-/// A speed that is none.
+/// Invalid replay speed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "'{text}' is not a speed: write 'max', or a number above 0 (1 = as recorded, 10 = ten times as fast)"

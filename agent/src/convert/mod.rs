@@ -31,14 +31,14 @@ pub struct Outputs {
     pub overwrite: bool,
 }
 
-/// The outputs, opened. They appear when both are whole.
+/// The opened outputs. They appear when both are whole.
 #[derive(Default)]
 struct Opened {
     observations: Option<OutputFile>,
     navigation: Option<OutputFile>,
 }
 
-/// What was written.
+/// The result of a conversion.
 #[derive(Clone, Debug, Default)]
 pub struct Converted {
     /// Epochs.
@@ -47,7 +47,7 @@ pub struct Converted {
     pub events: u64,
     /// Ephemerides.
     pub ephemerides: u64,
-    /// What was skipped in reading and in writing.
+    /// Skipped in reading and in writing.
     pub skips: Skips,
 }
 
@@ -75,7 +75,7 @@ pub enum ConvertError {
     Stopped,
 }
 
-/// What a first reading of the recordings finds.
+/// The result of a first reading of the recordings.
 #[derive(Default)]
 struct Contents {
     layout: ObservationLayout,
@@ -83,7 +83,13 @@ struct Contents {
     info: RecordingInfo,
     epochs: u64,
     /// The files with observations; the others are navigation files.
-    recordings: Vec<PathBuf>,
+    recordings: Vec<Recording>,
+}
+
+/// A file with observations, and how it is read for the second time.
+struct Recording {
+    path: PathBuf,
+    reading: Reading,
 }
 
 /// Converts recordings and navigation files, one after the other in order of time, into one observation file and one navigation file. Each is
@@ -106,7 +112,6 @@ pub fn convert(
         let skips = if is_navigation_file(path, stop) {
             contents.read_navigation(path)?
         } else {
-            contents.recordings.push(path.clone());
             contents.read(path, reading, stop)?
         };
         converted.skips.merge(&skips);
@@ -115,7 +120,7 @@ pub fn convert(
         if contents.epochs == 0 {
             return Err(nothing(output, "epoch", converted.skips, stop));
         }
-        write_observations(output, &contents, (reading, stop), &mut converted)?;
+        write_observations(output, &contents, stop, &mut converted)?;
     }
     if let Some(output) = &mut opened.navigation {
         if contents.navigation.is_empty() {
@@ -158,6 +163,8 @@ impl Outputs {
 impl Contents {
     fn read(&mut self, path: &Path, reading: &Reading, stop: &Stop) -> Result<Skips, SourceError> {
         let mut records = source::open_file(path, reading)?;
+        let again = Reading { dates: records.dates().cloned(), ..reading.clone() };
+        self.recordings.push(Recording { path: path.to_owned(), reading: again });
         let mut navigation = OwnNavigation::default();
         let epochs_before = self.epochs;
         while let Some(record) = records.next(stop).map_err(|error| source::file_error(path, error))? {
@@ -210,13 +217,13 @@ fn now() -> String {
 fn write_observations(
     output: &mut OutputFile,
     contents: &Contents,
-    (reading, stop): (&Reading, &Stop),
+    stop: &Stop,
     converted: &mut Converted,
 ) -> Result<(), ConvertError> {
     let mut writer = ObservationWriter::new(contents.layout.clone());
     let mut last: Option<GpsTime> = None;
     output.put(&writer.header(&contents.info))?;
-    for file in &contents.recordings {
+    for Recording { path: file, reading } in &contents.recordings {
         let mut overlap = Overlap::new(last);
         let mut records = source::open_file(file, reading)?;
         while let Some(record) = records.next(stop).map_err(|error| source::file_error(file, error))? {

@@ -1,4 +1,4 @@
-//! Recordings that overlap in time: of what comes twice, the first counts.
+//! Recordings that overlap in time: the first of two records of the same time counts.
 
 use std::path::Path;
 
@@ -9,9 +9,9 @@ use cofix_common::time::GpsTime;
 /// A recording against those before it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Overlap {
-    /// The last epoch of those.
+    /// The last epoch of the recordings before it.
     before: Option<GpsTime>,
-    /// Whether the epoch that came last lies in the overlap.
+    /// Whether the last epoch lies in the overlap.
     is_inside: bool,
 }
 
@@ -36,7 +36,7 @@ impl Overlap {
     }
 }
 
-/// Which record it is, for messages.
+/// A description of the record, for messages.
 pub(super) fn describe(record: &Record, file: &Path) -> String {
     let (what, time) = match record {
         Record::Epoch(epoch) => ("epoch".to_owned(), Some(epoch.time_gps)),

@@ -16,19 +16,19 @@ use crate::input::ntrip::RoverPosition;
 use crate::source::error::once_named;
 use crate::source::records::{Records, RecordsError};
 
-/// Records that wait for the rover's next epoch at most; epochs at 1 Hz for a quarter of an hour.
+/// Most records that wait for the rover's next epoch: a quarter of an hour of epochs at 1 Hz.
 const MOST_WAITING: usize = 1_000;
 
-/// What has come and was not fetched yet. Neither side ever waits for the other.
+/// Records that have arrived and were not taken yet. Neither side ever waits for the other.
 #[derive(Debug, Default)]
 pub(super) struct Inbox(Mutex<Content>);
 
 #[derive(Debug, Default)]
 struct Content {
     waiting: VecDeque<Arrived>,
-    /// Whether an epoch of a base has come, or nothing more comes.
+    /// Whether an epoch of a base has arrived, or the source has ended.
     has_begun: bool,
-    /// Whether anything has come.
+    /// Whether a record has arrived.
     has_brought: bool,
     skips: Skips,
 }
@@ -38,7 +38,7 @@ impl Inbox {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts a record in. When it is full, the oldest epoch goes, or, without any, the oldest record.
+    /// Adds a record. When the inbox is full, the oldest epoch is dropped, or, without an epoch, the oldest record.
     fn put(&self, arrived: Arrived) {
         let mut content = self.content();
         content.has_begun |= is_epoch(&arrived);
@@ -58,7 +58,7 @@ impl Inbox {
         std::mem::take(&mut self.content().waiting)
     }
 
-    /// Whether an epoch of a base has come, or nothing more comes.
+    /// Whether an epoch of a base has arrived, or the source has ended.
     pub(super) fn has_begun(&self) -> bool {
         self.content().has_begun
     }
@@ -69,7 +69,7 @@ impl Inbox {
         content.has_begun = true;
     }
 
-    /// What was skipped. The decoder's part is complete when the thread has ended.
+    /// Everything skipped. The decoder's part is complete when the thread has ended.
     pub(super) fn skips(&self, name: &str) -> Skips {
         let content = self.content();
         let mut skips = content.skips.clone();

@@ -1,10 +1,10 @@
-//! Corrections from elsewhere: ephemerides, and the observations of base stations.
+//! Corrections beside the products: ephemerides, and the observations of base stations.
 //!
-//! - A **recorded** source is read along with the rover's time, so that an epoch is corrected only by what was there before it.
+//! - A **recorded** source is read along with the rover's time, so that an epoch is corrected only by records from before it.
 //! - A **live** source is read on a thread of its own into an inbox that never makes either side wait: when it is full, the oldest
-//!   epoch goes. When it fails, that is said and counted, and the rover goes on without.
+//!   epoch is dropped. A failure is logged and counted, and the rover goes on without the source.
 //!
-//! A base's position is the one that the user gives, else the one that its stream states: messages 1005 and 1006 of RTCM 3, or the
+//! A base's position is given by the user, or else by its stream: messages 1005 and 1006 of RTCM 3, or the
 //! approximate position of a RINEX header. The rover's position is only as good as that; see `--base-position`.
 
 mod inbox;
@@ -33,10 +33,10 @@ use self::recorded::Recorded;
 
 /// Heights above the ellipsoid at which a receiver can be, m.
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = -1_000.0..=10_000.0;
-/// How long a thread gets to end.
-const LAST_WORDS: Duration = Duration::from_secs(1);
+/// Longest wait for the end of a thread.
+const THREAD_END: Duration = Duration::from_secs(1);
 
-/// What has come.
+/// Corrections that have arrived.
 #[derive(Debug, Default)]
 pub(crate) struct News {
     /// Ephemerides.
@@ -50,7 +50,7 @@ pub(crate) struct Feed {
     inputs: Vec<Input>,
     base_position: Option<Ecef>,
     stop: Stop,
-    /// Bases whose place has been told to the user.
+    /// Bases whose position has been logged.
     introduced: BTreeSet<usize>,
     skips: Skips,
 }
@@ -68,7 +68,7 @@ struct Live {
 }
 
 impl Feed {
-    /// Opens files and starts threads. `near` is an instant near the beginning of live sources; casters hear where the `rover` is.
+    /// Opens files and starts threads. `near` is an instant near the beginning of live sources; casters are sent the position of the `rover`.
     pub(crate) fn open(
         corrections: &Corrections,
         near: GpsTime,
@@ -102,7 +102,7 @@ impl Feed {
         }
     }
 
-    /// What is known at an instant and was not before.
+    /// The corrections that have arrived since the last call, up to an instant.
     ///
     /// # Errors
     /// When a recorded source cannot be used.
@@ -129,7 +129,7 @@ impl Feed {
         Ok(news)
     }
 
-    /// Ends the threads and says what was skipped.
+    /// Ends the threads. Returns everything skipped.
     pub(crate) fn finish(mut self) -> Skips {
         self.stop.request();
         let start = Instant::now();
@@ -138,7 +138,7 @@ impl Feed {
                 Input::Recorded(recorded) => self.skips.merge(&recorded.skips().with_prefix("corrections: ")),
                 Input::Live(live) => {
                     // One that hangs in a connection attempt ends with the process.
-                    while !live.thread.is_finished() && start.elapsed() < LAST_WORDS {
+                    while !live.thread.is_finished() && start.elapsed() < THREAD_END {
                         std::thread::sleep(LOOK / 10);
                     }
                     let skips = live.inbox.skips(&live.name);
@@ -154,13 +154,13 @@ impl Feed {
 }
 
 impl Drop for Feed {
-    /// A run may fail before it comes to its end.
+    /// Stops the threads of a run that fails.
     fn drop(&mut self) {
         self.stop.request();
     }
 }
 
-/// Says where a base is taken to be: errors there are errors of the rover.
+/// Logs the position of a base: its errors are errors of the rover.
 fn introduce(base: usize, position: Ecef, is_given: bool) {
     let place = position.ecef_to_geodetic();
     let by = if is_given { "as given" } else { "as its stream states" };
@@ -173,7 +173,7 @@ fn introduce(base: usize, position: Ecef, is_given: bool) {
     );
 }
 
-/// A record, and where its stream says that the station is.
+/// A record, and the station's position as its stream states it.
 #[derive(Debug)]
 struct Arrived {
     record: Record,
@@ -183,7 +183,7 @@ struct Arrived {
 /// `LATITUDE,LONGITUDE,HEIGHT` in degrees and metres above the ellipsoid.
 ///
 /// # Errors
-/// When it is no place near the Earth's surface.
+/// When it is not near the Earth's surface.
 pub fn approximate_position(text: &str) -> Result<Ecef, String> {
     const FORM: &str = "write LATITUDE,LONGITUDE,HEIGHT in degrees and metres, for example 48.1,11.6,520";
     let numbers: Vec<f64> = text.split(',').filter_map(|field| field.trim().parse().ok()).collect();
@@ -201,7 +201,7 @@ pub fn approximate_position(text: &str) -> Result<Ecef, String> {
 /// `X,Y,Z` in metres.
 ///
 /// # Errors
-/// When it is no place near the Earth's surface.
+/// When it is not near the Earth's surface.
 pub fn base_position(text: &str) -> Result<Ecef, String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|field| field.trim().parse().ok()).collect();
     let [x, y, z] = numbers[..] else {

@@ -6,18 +6,18 @@ use std::time::{Duration, Instant};
 use super::{Bytes, PORTION_BYTES, Portion};
 use crate::Stop;
 
-/// How a connection is made.
+/// A way to connect to a server.
 pub trait Dial {
     /// The server's name for messages, without secrets.
     fn name(&self) -> String;
 
-    /// What the user may do when connections bring nothing.
+    /// Advice for connections without data.
     fn advice(&self) -> Option<&'static str> {
         None
     }
 
-    /// Makes one attempt. What comes out gives bytes as they come, 0 at the end, and an error of kind `WouldBlock` or `TimedOut` when
-    /// nothing came for [`super::LOOK`].
+    /// Makes one attempt. The reader returns bytes as they arrive, 0 at the end, and an error of kind `WouldBlock` or `TimedOut` when none
+    /// arrived for [`super::LOOK`].
     ///
     /// # Errors
     /// When there is no connection.
@@ -29,7 +29,7 @@ pub trait Dial {
 pub enum DialError {
     /// Another attempt may help.
     Failed(String),
-    /// The server is there and says no: unless it has served before, another attempt will not help.
+    /// The server refuses: unless it has served before, another attempt will not help.
     Refused(String),
 }
 
@@ -40,7 +40,7 @@ impl From<io::Error> for DialError {
 }
 
 /// How a lost connection is tried again: after `first`, then after twice as long each time, but never longer than
-/// `longest`, until `attempts` in a row brought no byte. A connection that lasts longer than the wait before it begins anew with `first`.
+/// `longest`, until `attempts` in a row brought no byte. After a connection that lasted longer than the wait before it, the waits start with `first` again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backoff {
     /// The first wait.
@@ -49,12 +49,12 @@ pub struct Backoff {
     pub longest: Duration,
     /// Attempts in a row without a byte before giving up.
     pub attempts: u32,
-    /// A connection on which nothing comes for so long counts as lost.
+    /// Time without a byte after which a connection counts as lost.
     pub silence: Duration,
 }
 
 impl Default for Backoff {
-    /// 0.5 s to 30 s, twelve attempts: four minutes. Silence of a minute.
+    /// Waits of 0.5 s to 30 s and twelve attempts, four minutes in all; one minute of silence.
     fn default() -> Self {
         Self {
             first: Duration::from_millis(500),
@@ -66,7 +66,7 @@ impl Default for Backoff {
 }
 
 impl Backoff {
-    /// The wait before another attempt after `number` of them; the first is at once.
+    /// The wait before the next attempt after `number` attempts; the first is made at once.
     fn wait(&self, number: u32) -> Duration {
         match number.checked_sub(1) {
             None => Duration::ZERO,
@@ -82,25 +82,25 @@ pub struct Connected {
     dial: Box<dyn Dial>,
     backoff: Backoff,
     stream: Option<Box<dyn Read>>,
-    /// Attempts since the last byte, the one that brought it included.
+    /// Attempts since the last byte, including the attempt that brought it.
     attempts: u32,
     /// The last wait.
     waited: Duration,
     /// When the present connection was made.
     since: Instant,
-    /// Connections in a row that brought bytes but did not last as long as the wait before them.
+    /// Connections in a row that brought bytes and ended before the wait before them was over again.
     short_lived: u32,
-    /// Since when nothing came.
+    /// Time of the last byte.
     silent_since: Instant,
-    /// Whether bytes came before the connection was lost.
+    /// Whether bytes arrived before the connection was lost.
     interrupted: bool,
-    /// Whether bytes ever came.
+    /// Whether bytes have ever arrived.
     has_served: bool,
     failure_reason: Option<String>,
 }
 
 impl Connected {
-    /// A connection that is made in a way of its own, when bytes are first asked for.
+    /// A connection made by `dial` when bytes are first asked for.
     pub fn by(dial: Box<dyn Dial>, backoff: Backoff) -> Self {
         Self {
             dial,
@@ -147,7 +147,7 @@ impl Connected {
         }
     }
 
-    /// Notes that the connection is not there, and says when it is tried again.
+    /// Notes a lost or failed connection, and logs when it is tried again.
     fn failed(&mut self, reason: &str) {
         let was_open = self.stream.take().is_some();
         if was_open {
@@ -164,7 +164,7 @@ impl Connected {
         self.failure_reason = Some(format!("{name}: {reason}; {attempts} attempts in a row brought no byte"));
     }
 
-    /// Reads once; `None` when nothing came in time or the connection was lost.
+    /// Reads once; `None` when no byte arrived in time or the connection was lost.
     fn read(&mut self, buffer: &mut [u8]) -> Option<usize> {
         let stream = self.stream.as_mut()?;
         match stream.read(buffer) {
@@ -188,7 +188,7 @@ impl Connected {
     }
 }
 
-/// Whether a read merely brought nothing in time.
+/// Whether an error of a read only says that no byte arrived in time.
 pub(super) fn is_no_news(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
 }

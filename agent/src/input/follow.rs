@@ -10,11 +10,11 @@ use crate::Stop;
 /// Number of bytes before the reading position that are compared to tell whether a file goes on or was replaced.
 const REMEMBERED_BYTES: usize = 256;
 
-/// A growing file, from its beginning on, until a stop is requested. One that is not there yet is waited for: the agent may be started
+/// A growing file, from its beginning on, until a stop is requested. A file that does not exist yet is waited for: the agent may be started
 /// before the logger.
 ///
-/// Whoever writes it may as well replace it by a longer one of the same beginning (as `rsync` and `adb pull` do): reading goes on where it
-/// was. One that becomes shorter, or has other bytes where reading was, was written anew and is read from its new beginning.
+/// Its writer may replace it by a longer file of the same beginning (as `rsync` and `adb pull` do): reading goes on at the same position. A file
+/// that becomes shorter, or has other bytes before that position, was rewritten and is read from its new beginning.
 pub struct Followed {
     path: PathBuf,
     /// `None`: it has not been there yet.
@@ -26,7 +26,7 @@ pub struct Followed {
     is_file: bool,
 }
 
-/// What a look at a file shows.
+/// The result of a look at a file.
 enum Look {
     /// It has grown.
     More,
@@ -101,7 +101,7 @@ impl Followed {
         }
     }
 
-    /// Opens what has the name now. Between removing and writing anew there may be nothing for a while.
+    /// Opens the file that has the name now. Between its removal and its rewriting there may be none for a while.
     fn open_again(&mut self) {
         if let Ok(file) = File::open(&self.path) {
             self.file = Some(file);

@@ -1,6 +1,6 @@
-//! Where bytes come from: a recorded file, a growing one, standard input, a TCP server, an NTRIP caster.
+//! Sources of bytes: a recorded file, a growing file, standard input, a TCP server, an NTRIP caster.
 //!
-//! None of them waits without end: each looks for a request to stop at least every [`LOOK`], and sleeps in between.
+//! Every input checks for a request to stop at least every [`LOOK`], and sleeps in between.
 
 mod connection;
 mod file;
@@ -23,30 +23,29 @@ pub use follow::Followed;
 pub use pipe::Piped;
 pub use tls::{Trust, TrustError};
 
-/// How often an idle source looks for a request to stop, and a growing file for growth.
+/// Interval at which an idle source checks for a request to stop, and a growing file for growth.
 pub const LOOK: Duration = Duration::from_millis(100);
-/// Bytes taken at once.
+/// Bytes in a portion.
 const PORTION_BYTES: usize = 65_536;
 
-/// What comes next.
+/// The next portion of a source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Portion {
-    /// Bytes that continue the ones before; they are in the caller's buffer.
+    /// Bytes that continue those before; they are in the caller's buffer.
     Bytes,
-    /// What follows does not continue what came before: a connection was lost.
+    /// The next bytes do not continue those before: a connection was lost.
     Broken,
-    /// What follows is another file, from its beginning.
+    /// The next bytes are another file's, from its beginning.
     Restarted,
-    /// Nothing more comes: the end, or a request to stop.
+    /// The end, or a request to stop.
     End,
-    /// Nothing more comes although more was to come: the reason is in [`Bytes::failure_reason`].
+    /// The source failed before its end: the reason is in [`Bytes::failure_reason`].
     Lost,
 }
 
 /// A source of bytes.
 pub trait Bytes {
-    /// Puts the next bytes into `buffer`, in place of what is there. Blocks until there are some, the end has come, or a
-    /// stop is requested.
+    /// Puts the next bytes into `buffer`, in place of its content. Blocks until there are some, the source ends, or a stop is requested.
     ///
     /// # Errors
     /// When the source fails before it gave anything.
@@ -69,19 +68,19 @@ pub enum LiveSource {
     Tcp {
         /// `HOST:PORT`.
         address: String,
-        /// How it is tried again.
+        /// How its connection is tried again.
         backoff: Backoff,
     },
     /// `ntrip://USER:PASSWORD@HOST:PORT/MOUNT`: a stream of an NTRIP caster; `ntrips://…` within TLS.
     Ntrip {
         /// Caster, account and mount point.
         mount: ntrip::Mount,
-        /// How it is tried again.
+        /// How its connection is tried again.
         backoff: Backoff,
     },
 }
 
-/// Text that names no server.
+/// Invalid address of a live source.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AddressError {
     /// Neither `-` nor a TCP server.
@@ -90,7 +89,7 @@ pub enum AddressError {
          ntrip://USER:PASSWORD@HOST:PORT/MOUNT (ntrips:// with TLS)"
     )]
     Unknown {
-        /// What was given, without a password.
+        /// The text, without a password.
         text: String,
     },
     /// A caster's address that cannot be used.
@@ -130,17 +129,17 @@ impl fmt::Display for LiveSource {
 }
 
 impl LiveSource {
-    /// Whether a text names a live source, be it well written or not, and no file.
+    /// Whether a text names a live source, well-formed or not, and not a file.
     pub fn is_named_by(text: &str) -> bool {
         text == "-" || ["tcp://", "ntrip://", "ntrips://"].iter().any(|scheme| text.starts_with(scheme))
     }
 
-    /// Whether it is spoken to in TLS.
+    /// Whether its connection is in TLS.
     pub const fn is_secured(&self) -> bool {
         matches!(self, Self::Ntrip { mount, .. } if mount.caster.trust().is_some())
     }
 
-    /// The same source with others who may vouch for its caster; of effect in TLS only.
+    /// The same source with other trusted certificates; of effect in TLS only.
     #[must_use]
     pub fn trusting(self, trust: &Trust) -> Self {
         match self {
@@ -160,7 +159,7 @@ impl LiveSource {
         self.open_near(&ntrip::RoverPosition::default())
     }
 
-    /// Opens it for a rover, whose position a caster gets to hear.
+    /// Opens it for a rover, whose position is sent to a caster.
     ///
     /// # Errors
     /// As of [`LiveSource::open`].

@@ -6,10 +6,10 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use super::{Bytes, LOOK, PORTION_BYTES, Portion};
 use crate::Stop;
 
-/// Portions that wait for the pipeline; when there are more, the reader waits.
+/// Most portions that wait for the pipeline; beyond them the reader waits.
 const WAITING: usize = 16;
 
-/// A blocking reader on a thread of its own, so that a request to stop is heard while nothing comes.
+/// A blocking reader on a thread of its own, so that a request to stop is noticed while no byte arrives.
 pub struct Piped {
     portions: Receiver<io::Result<Vec<u8>>>,
     failure_reason: Option<String>,

@@ -8,7 +8,7 @@ use super::LOOK;
 use super::connection::{Backoff, Connected, Dial, DialError};
 use crate::Stop;
 
-/// Longest wait for a server to accept, or to take what is written.
+/// Longest wait for a server to accept a connection, or to take written bytes.
 const ACCEPT: Duration = Duration::from_secs(5);
 
 impl Connected {

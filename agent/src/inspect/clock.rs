@@ -9,9 +9,9 @@ use serde::Serialize;
 
 use super::LISTED;
 
-/// Drifts that are told apart.
+/// Most different drifts that are counted.
 const DISTINCT: usize = 10_000;
-/// Jumps below this are not told from noise and drift, m (0.3 µs).
+/// Smallest jump, m (0.3 µs): smaller ones cannot be distinguished from noise and drift.
 const SMALLEST_M: f64 = 100.0;
 /// Epochs further apart than this are not compared, s: the rates of two epochs do not predict what lies between.
 const LONGEST_S: f64 = 5.0;
@@ -25,7 +25,7 @@ const HISTORY: usize = 15;
 /// Number of epochs after which that drift counts as known.
 const KNOWN_AFTER: usize = 3;
 
-/// A jump.
+/// A jump of the clock.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ClockJump {
     /// The first epoch after it, GPS time.
@@ -54,7 +54,7 @@ pub struct ClockJumps {
     pub unknown: BTreeMap<&'static str, u64>,
 }
 
-/// Why a step is not compared.
+/// Reasons why a step is not compared.
 const TOO_FAR: &str = "epochs too far apart";
 const NO_DOPPLER: &str = "no Doppler";
 const TOO_FEW: &str = "fewer than four signals in both epochs";
@@ -73,7 +73,7 @@ struct Range {
 
 type Ranges = BTreeMap<(SatelliteId, SignalCode), Range>;
 
-/// What the signals of two epochs share beyond what rates explain.
+/// The change that the signals of two epochs share beyond their rates.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     at: GpsTime,
@@ -276,13 +276,13 @@ fn set_trends(now: &mut Ranges, before: &Ranges, elapsed_s: f64, jump_m: f64) {
     }
 }
 
-/// What the rates of both epochs do not explain of a change of pseudorange, m.
+/// The part of a change of pseudorange that the rates of both epochs do not explain, m.
 fn beyond_rate_m(before: &Range, now: &Range, elapsed_s: f64) -> Option<f64> {
     let rate_mps = 0.5 * (before.rate_mps? + now.rate_mps?);
     Some(now.pseudorange_m - before.pseudorange_m - rate_mps * elapsed_s)
 }
 
-/// What the change before does not explain of a change of pseudorange, m.
+/// The part of a change of pseudorange that the change before does not explain, m.
 fn beyond_trend_m(before: &Range, now: &Range, elapsed_s: f64) -> Option<f64> {
     Some(now.pseudorange_m - before.pseudorange_m - before.trend_mps? * elapsed_s)
 }

@@ -1,4 +1,4 @@
-//! Where the phone says that satellites are, against where the orbits say: a check of both that needs no truth.
+//! Directions of satellites by the phone against those by the orbits: a check of both that needs no truth.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -7,10 +7,10 @@ use cofix_common::formats::phone::{LatestDirections, Quantiles, Typical};
 use cofix_common::wire::EpochMessage;
 use serde::Serialize;
 
-/// A report may be this far from the epoch, s: satellites move by up to a quarter of a degree meanwhile.
+/// Largest time between a report and the epoch, s: satellites move by up to a quarter of a degree meanwhile.
 const CLOSE_S: f64 = 30.0;
 
-/// Differences between the phone's directions and ours.
+/// Differences between the phone's directions and the orbits'.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DirectionReport {
     /// Satellites times epochs.

@@ -11,9 +11,9 @@ use super::LISTED;
 /// An event.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EventReport {
-    /// What happened.
+    /// Its kind.
     pub kind: String,
-    /// When, GPS time, where it is told.
+    /// Its time, GPS time, where it is stated.
     pub at_gps: Option<String>,
     /// The epoch before it, GPS time.
     pub after_gps: Option<String>,

@@ -1,4 +1,4 @@
-//! What is in a file: of a recording span, gaps, signals, strength, slips, clock jumps, what is skipped.
+//! The content of a file: for a recording span, gaps, signals, strength, slips, clock jumps, skipped parts.
 
 mod clock;
 mod directions;
@@ -34,11 +34,11 @@ pub use signals::{ConstellationReport, SignalReport, Spread};
 pub use steps::{Gap, Gaps};
 pub use trial::Trial;
 
-/// Gaps and jumps listed one by one; the rest is counted.
+/// Most gaps and jumps that are listed one by one; the rest is counted.
 const LISTED: usize = 20;
 
-/// What a recording holds.
-#[derive(Clone, Debug, Serialize)]
+/// The content of a recording.
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Inspection {
     /// The file.
     pub file: String,
@@ -58,31 +58,31 @@ pub struct Inspection {
     pub gaps: Gaps,
     /// Epochs flagged as the first after a power failure.
     pub power_failures: u64,
-    /// What is told between the epochs.
+    /// Events between the epochs.
     pub events: Events,
     /// Satellites per epoch.
     pub satellites_per_epoch: Option<Spread>,
-    /// What was observed.
+    /// Signals by constellation.
     pub constellations: Vec<ConstellationReport>,
     /// Jumps of the receiver's clock.
     pub clock_jumps: ClockJumps,
-    /// Signals most of whose phases begin anew at each epoch: the receiver switches itself off in between.
+    /// Signals most phases of which start with a loss of lock: the receiver switches itself off between epochs.
     pub duty_cycled: Vec<String>,
-    /// What the agent's masks would leave out, beside what is in `skips`. Elevations need orbits: see `trial`.
+    /// Observations that the agent's masks would leave out, beside those in `skips`. Elevations need orbits: see `trial`.
     pub masks: Vec<Mask>,
     /// Navigation messages in the recording itself.
     pub ephemerides: u64,
     /// Whether it carries Klobuchar coefficients.
     pub ionosphere: bool,
-    /// What the phone says of itself, in GnssLogger text.
+    /// The phone's statements about itself, in GnssLogger text.
     pub phone: Option<PhoneReport>,
-    /// What was skipped in reading, by reason.
+    /// Skipped in reading, by reason.
     pub skips: Skips,
-    /// What comes of the recording with the orbits at hand, when there are any.
+    /// The result of processing the recording, when there are orbits.
     pub trial: Option<Trial>,
 }
 
-/// A mask and what it would leave out.
+/// A mask and the observations that it would leave out.
 #[derive(Clone, Debug, Serialize)]
 pub struct Mask {
     /// The mask.
@@ -98,13 +98,13 @@ pub struct Mask {
 pub struct InspectOptions {
     /// How it is read.
     pub reading: Reading,
-    /// Orbits and the rest, if any.
+    /// Products, if any.
     pub products: ProductSource,
     /// How it is processed, where there are orbits.
     pub pipeline: PipelineOptions,
 }
 
-/// What is in a file of either kind.
+/// The content of a file of either kind.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub enum Inspected {
@@ -124,10 +124,10 @@ impl fmt::Display for Inspected {
 }
 
 impl Inspected {
-    /// Whether there is anything in the file: an epoch, or, in a navigation file or a stream of RTCM 3 ephemerides, a message.
+    /// Whether the file has content: an epoch, or, in a navigation file or a stream of RTCM 3 ephemerides, a message.
     ///
     /// # Errors
-    /// When there is nothing; it names what was skipped.
+    /// When there is none; the error names the skipped parts.
     pub fn check(&self) -> Result<(), SourceError> {
         match self {
             Self::Recording(recording) => {
@@ -156,8 +156,7 @@ pub fn inspect_any(path: &Path, options: &InspectOptions, stop: &Stop) -> Result
     inspect(path, options, stop).map(|inspection| Inspected::Recording(Box::new(inspection)))
 }
 
-/// Inspects a recording, in bounded memory. With orbits, from products or of its own, it is
-/// read a second time and processed.
+/// Inspects a recording, in bounded memory. With orbits, from products or of its own, it is read a second time and processed.
 ///
 /// # Errors
 /// When a file cannot be read or is of no format that is read.
@@ -215,7 +214,7 @@ fn trial(
     Ok(running.end())
 }
 
-/// Everything that is counted.
+/// Counts of a recording.
 #[derive(Default)]
 struct Tally {
     epochs: u64,
@@ -253,8 +252,6 @@ impl Tally {
     fn report(self, channels: &std::collections::BTreeMap<u8, i8>) -> Inspection {
         let (interval_s, gaps) = self.steps.report();
         Inspection {
-            file: String::new(),
-            format: None,
             epochs: self.epochs,
             first_gps: self.span.map(|(first, _)| first.iso()),
             last_gps: self.span.map(|(_, last)| last.iso()),
@@ -268,11 +265,7 @@ impl Tally {
             masks: self.signals.masks(),
             constellations: self.signals.report(channels),
             clock_jumps: self.clock.report(),
-            ephemerides: 0,
-            ionosphere: false,
-            phone: None,
-            skips: Skips::default(),
-            trial: None,
+            ..Inspection::default()
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What is in a navigation file: systems, messages, their span, health, ionosphere terms.
+//! The content of a navigation file: systems, messages, their span, health, ionosphere terms.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::source::SourceError;
 use crate::source::products::navigation_file;
 
-/// What a navigation file holds.
+/// The content of a navigation file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NavigationInspection {
     /// The file.
@@ -25,7 +25,7 @@ pub struct NavigationInspection {
     pub ionosphere: Vec<&'static str>,
     /// Seconds that GPS time is ahead of UTC.
     pub leap_seconds: Option<i64>,
-    /// What was skipped in reading, by reason.
+    /// Skipped in reading, by reason.
     pub skips: Skips,
 }
 

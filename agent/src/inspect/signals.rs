@@ -1,4 +1,4 @@
-//! What was observed of each signal.
+//! Counts of each signal.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::Mask;
 
-/// A signal is duty-cycled when more than this share of its phases begin anew,
+/// Share of its phases with a loss of lock beyond which a signal is duty-cycled.
 const DUTY_CYCLED: f64 = 0.5;
 /// Fewest phases for which duty cycling is judged.
 const ENOUGH_PHASES: u64 = 10;
@@ -31,7 +31,7 @@ pub struct ConstellationReport {
     pub system: char,
     /// Its satellites.
     pub satellites: Vec<String>,
-    /// GLONASS: satellites whose frequency channel the recording does not tell.
+    /// GLONASS: satellites without a frequency channel in the recording.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub without_channel: Vec<String>,
     /// Its signals.
@@ -57,7 +57,7 @@ pub struct SignalReport {
     pub missing_cn0: u64,
     /// C/N0, dB-Hz.
     pub cn0_dbhz: Option<Spread>,
-    /// Carrier phases that begin anew (loss of lock).
+    /// Carrier phases with a loss of lock.
     pub slips: u64,
     /// Carrier phases with an unknown half cycle.
     pub half_cycles: u64,
@@ -145,12 +145,12 @@ pub(super) struct Signals {
     by_signal: BTreeMap<(Constellation, SignalCode), Signal>,
     minimum_cn0_dbhz: f64,
     weak: u64,
-    /// What is excluded by name, and how often it came.
+    /// Exclusions by name, and the number of their observations.
     excluded: Vec<(Exclusion, u64)>,
 }
 
 impl Signals {
-    /// Nothing yet; what these masks would take is counted.
+    /// Empty, for counting the observations that these masks would leave out.
     pub(super) fn new(masks: &CorrectionOptions) -> Self {
         Self {
             minimum_cn0_dbhz: masks.minimum_cn0_dbhz,
@@ -170,7 +170,7 @@ impl Signals {
         }
     }
 
-    /// What the agent's masks would leave out; an observation may fall under several.
+    /// Counts of observations that the agent's masks would leave out; an observation may count for several masks.
     pub(super) fn masks(&self) -> Vec<Mask> {
         let without_pseudorange =
             self.by_signal.values().map(|Signal { missing: [pseudorange, ..], .. }| *pseudorange).sum();

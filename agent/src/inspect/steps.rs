@@ -7,13 +7,13 @@ use serde::Serialize;
 
 use super::LISTED;
 
-/// A step longer than this many usual ones is a gap.
+/// Number of usual steps beyond which a step is a gap.
 const GAP: f64 = 1.5;
-/// Different steps that are told apart, to the millisecond; the rest counts with the longest.
+/// Most different steps that are counted, to the millisecond; further ones count with the longest.
 const DISTINCT: usize = 10_000;
-/// Steps that may turn out to be gaps.
+/// Most steps kept that may turn out to be gaps.
 const CANDIDATES: usize = 100_000;
-/// The most frequent step is the usual one when it came so often; before that any step may turn out to be a gap.
+/// Count at which the most frequent step is taken for the usual one; before that any step may turn out to be a gap.
 const KNOWN_AFTER: u64 = 100;
 
 /// A gap.
@@ -21,7 +21,7 @@ const KNOWN_AFTER: u64 = 100;
 pub struct Gap {
     /// The epoch before it, GPS time.
     pub after_gps: String,
-    /// How long it is to the next, s.
+    /// Time to the next epoch, s.
     pub duration_s: f64,
 }
 

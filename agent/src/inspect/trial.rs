@@ -1,4 +1,4 @@
-//! What the pipeline would make of a recording: masks that need orbits, and RAIM.
+//! The pipeline's result for a recording: masks that need orbits, and RAIM.
 
 use std::fmt;
 use std::sync::Arc;
@@ -22,21 +22,21 @@ pub struct Trial {
     pub solved: u64,
     /// Epochs that RAIM calls reliable.
     pub reliable: u64,
-    /// Observations that those positions rest on.
+    /// Observations used in those positions.
     pub used: u64,
     /// Observations that RAIM excluded.
     pub excluded: u64,
     /// The phone's own directions of satellites against those of the orbits, where it states them.
     pub directions: Option<DirectionReport>,
-    /// Masks and whatever else kept observations out, by reason.
+    /// Observations left out by masks and for other reasons, by reason.
     pub skips: Skips,
 }
 
-/// A trial under way.
+/// A trial in progress.
 pub(super) struct Running {
     products: Arc<Products>,
     is_first: bool,
-    /// What the products lack, and weeks that were not rolled over.
+    /// Shortcomings of the products, and weeks that were not rolled over.
     shortcomings: Skips,
     pipeline: PhonePipeline,
     counts: Trial,

@@ -1,7 +1,7 @@
-//! What an agent keeps of its run, and how it answers a hub that missed something of it.
+//! The messages of its run that an agent keeps, and its answers to a hub that missed some.
 //!
-//! The hub asks for a range of sequence numbers at `cofix/<group>/phone/<phone>/history`. Every answer begins with what is kept at
-//! all ([`KeptMessage`]) and the agent's status messages, so that a hub that came late, or was started again, knows what to ask for.
+//! The hub asks for a range of sequence numbers at `cofix/<group>/phone/<phone>/history`. Every answer begins with the range that is kept
+//! ([`KeptMessage`]) and the agent's status messages, so that a hub that started late, or was restarted, knows which epochs to ask for.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -16,11 +16,11 @@ use zenoh::{Session, Wait};
 
 use crate::publication::link;
 
-/// Questions that may wait for the thread that answers. More are not answered, and asked again.
+/// Most questions that wait for the thread that answers. Further ones are not answered; the hub repeats them.
 const WAITING_QUESTIONS: usize = 8;
-/// Most epochs in one answer, whatever is asked for.
+/// Most epochs in one answer.
 const MAXIMUM_ANSWER: usize = 1_024;
-/// The first and the last word of a run.
+/// The first and the last status of a run.
 const KEPT_STATUSES: usize = 2;
 
 /// The last messages of a run, encoded.
@@ -59,7 +59,7 @@ impl Ring {
         self.statuses.push_back(bytes);
     }
 
-    /// What is said to a question for the epochs from sequence number `from` to before `to`.
+    /// The answer to a question for the epochs from sequence number `from` to before `to`.
     fn answer(&self, phone: &str, from: u64, to: u64) -> Result<Vec<ZBytes>, WireError> {
         let first = self.epochs.front().map_or(self.next, |(sequence, _)| *sequence);
         let kept = KeptMessage { phone: phone.to_owned(), first, next: self.next };
@@ -78,13 +78,13 @@ pub(crate) struct History {
     queryable: Queryable<()>,
 }
 
-/// Where a history is asked for, and whose it is.
+/// The address of a history, and its phone.
 pub(crate) struct Address {
     /// The key.
     pub(crate) key: String,
     /// The phone.
     pub(crate) phone: String,
-    /// Who publishes.
+    /// The publisher's id.
     pub(crate) source: EntityGlobalId,
 }
 

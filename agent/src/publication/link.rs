@@ -6,26 +6,27 @@ use zenoh::{Config, Session, Wait};
 
 use crate::{AgentConfig, Stop};
 
-/// First and longest attempt to connect before the request to stop is looked at; on a link with a long delay the first ones are too short.
+/// Duration of the first and of the longest attempt to connect; between attempts the request to stop is checked. On a link with a long delay
+/// the first attempts are too short.
 const SLICES: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(8));
 
 /// A session that cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// Text that is no endpoint.
+    /// Invalid endpoint.
     #[error("endpoint '{endpoints}': {reason}; write for example tcp/127.0.0.1:7447")]
     Endpoint {
-        /// What was given.
+        /// The text.
         endpoints: String,
         /// What is wrong.
         reason: String,
     },
-    /// Nobody answers.
+    /// No hub answers.
     #[error("no hub answers at {endpoints} within {waited_s:.0} s: is it running?")]
     Unreachable {
         /// The endpoints.
         endpoints: String,
-        /// How long was waited, s.
+        /// The wait, s.
         waited_s: f64,
     },
     /// The endpoint cannot be listened on.
@@ -38,10 +39,9 @@ pub enum LinkError {
     },
 }
 
-/// How often a lost connection is tried again, in milliseconds: a hub that is started again should have its phones back before others wait for
-/// them.
+/// Interval at which a lost connection is tried again, ms: a restarted hub should have its phones back before the group waits for them.
 const RETRY_MS: &str = "{ period_init_ms: 500, period_max_ms: 1000, period_increase_factor: 2 }";
-/// Bytes that may wait in the system for a slow link, some ten seconds of epochs: more would only be late.
+/// Bytes that may wait in the operating system for a slow link: about ten seconds of epochs. Further ones would only be late.
 const SEND_BUFFER_BYTES: &str = "32768";
 
 /// Opens a session of an agent that connects to its hub. Blocks; `None` when asked to stop meanwhile, which is noticed within some seconds.
@@ -116,7 +116,7 @@ fn check_one(endpoint: &str, first_port: u16) -> Result<(), &'static str> {
     }
 }
 
-/// What Zenoh says, without the places in its source.
+/// Zenoh's message, without the places in its source.
 pub fn plain(error: &impl std::fmt::Display) -> String {
     let text = error.to_string();
     let mut parts = text.split(" at ");
@@ -133,7 +133,7 @@ pub fn plain(error: &impl std::fmt::Display) -> String {
     plain.trim_end_matches(['.', ' ']).to_owned()
 }
 
-/// Of what Zenoh says the system's own words, where there are any.
+/// The operating system's part of Zenoh's message, where there is one.
 fn system_cause(text: &str) -> String {
     let cause = text.find("(os error").and_then(|at| {
         let end = at + text.get(at..)?.find(')')? + 1;
@@ -143,7 +143,7 @@ fn system_cause(text: &str) -> String {
     cause.unwrap_or(text).trim().to_owned()
 }
 
-/// Opens a session that listens on `endpoints` and routes between those who connect. Blocks.
+/// Opens a session that listens on `endpoints` and routes between the sessions that connect. Blocks.
 ///
 /// # Errors
 /// When an endpoint is malformed or taken.

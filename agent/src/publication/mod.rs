@@ -1,9 +1,9 @@
-//! What an agent says on Zenoh, so that nothing of it is lost.
+//! The messages of an agent on Zenoh, without loss.
 //!
-//! - The first epoch waits until somebody listens.
-//! - The last messages are kept, so that a hub that comes late, is started again or loses its connection can ask for what it missed.
+//! - The first epoch waits until a hub listens.
+//! - The last messages are kept, so that a hub that starts late, restarts or loses its connection can ask for those it missed.
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
-//! - At the end the agent asks the hub how many epochs it has, and stays until that is all of them.
+//! - At the end the agent asks the hub how many epochs it has, and stays until the hub has all.
 
 mod history;
 pub mod link;
@@ -33,15 +33,15 @@ use history::{Address, History};
 use receipt::ReceiptWait;
 pub(crate) use receipt::UNANSWERED;
 
-/// How often a wait for an answer looks whether it still makes sense.
+/// How often a wait for an answer checks whether to go on.
 const LOOK: Duration = Duration::from_millis(200);
-/// How often something awaited is looked at.
+/// How often a condition that is awaited is checked.
 const POLL: Duration = Duration::from_millis(5);
-/// Longest wait for the hub's answer whether it knows the phone.
+/// Longest wait for the hub's answer to whether it knows the phone.
 const INTRODUCTION: Duration = Duration::from_secs(2);
-/// How long the hub may take to tell when a recording's first epoch is due.
+/// Longest wait for the hub's answer to when a recording's first epoch is due.
 const PACE_ANSWER: Duration = Duration::from_secs(2);
-/// How often it is said that the hub has not answered yet.
+/// Interval of the log line that says that the hub has not confirmed yet.
 const REMINDER: Duration = Duration::from_secs(15);
 
 /// Why something could not be published.
@@ -69,7 +69,7 @@ pub enum PublicationError {
         "the hub's receipt cannot be read: {0} (this agent speaks wire version {WIRE_VERSION}; receipts of version 1 are text)"
     )]
     Receipt(WireError),
-    /// Nobody subscribes.
+    /// No hub subscribes.
     #[error(
         "connected, but no hub listens for group '{group}' within {waited_s:.0} s: does it run this group?"
     )]
@@ -130,10 +130,10 @@ impl Publication {
         })
     }
 
-    /// Waits until somebody listens to epochs and status; `false` when asked to stop meanwhile.
+    /// Waits until a hub listens to epochs and status; `false` when asked to stop meanwhile.
     ///
     /// # Errors
-    /// When nobody does within `patience`.
+    /// When none does within `patience`.
     pub fn wait_for_listener(&self, patience: Duration, stop: &Stop) -> Result<bool, PublicationError> {
         let start = Instant::now();
         while !(listened(&self.epochs)? && listened(&self.status)?) {
@@ -148,13 +148,13 @@ impl Publication {
         Ok(true)
     }
 
-    /// Publishes an epoch. With nobody there to listen it is only kept.
+    /// Publishes an epoch. Without a listener it is only kept.
     ///
     /// # Errors
     /// When the message cannot be encoded, or Zenoh refuses.
     pub fn epoch(&mut self, message: &EpochMessage) -> Result<(), PublicationError> {
         let bytes = ZBytes::from(encode(message)?);
-        // Kept first: what was heard of can be asked for.
+        // Kept first: a hub may ask for it as soon as it has arrived.
         self.history.ring().keep_epoch(message.sequence, bytes.clone());
         put(&self.epochs, bytes)?;
         self.published += 1;
@@ -176,7 +176,7 @@ impl Publication {
         self.published
     }
 
-    /// Asks the hub whether it knows the phone. A hub that does not answer is taken to.
+    /// Asks the hub whether it knows the phone. A hub that does not answer counts as knowing it.
     ///
     /// # Errors
     /// When the session has no such phone.
@@ -215,8 +215,8 @@ impl Publication {
         wait.known.map(|known| known.received)
     }
 
-    /// In how many seconds the first epoch of a recording is due that is played at `times` its speed, so that all phones of the group play
-    /// the same time; at once where no hub answers.
+    /// Time until the first epoch of a recording played at `times` its speed is due, s, so that all phones of the group play the same time;
+    /// 0 where no hub answers.
     pub fn first_due_in_s(&self, first: GpsTime, times: f64) -> f64 {
         let question = format!("{}?first={};speed={times}", self.pace_key, first.nanos());
         let Ok(replies) = self.session.get(&question).timeout(PACE_ANSWER).wait() else { return 0.0 };
@@ -234,13 +234,13 @@ impl Publication {
         self.session.info().routers_zid().wait().next().is_some()
     }
 
-    /// One question; `None` when there is no answer within `timeout`, or as soon as it does not go on.
+    /// Asks once. `None` when there is no answer within `timeout`, or as soon as `goes_on` says no.
     fn ask_for_receipt(
         &self,
         timeout: Duration,
         goes_on: &dyn Fn() -> bool,
     ) -> Result<Option<Receipt>, PublicationError> {
-        // The answer may be long on its way: it is taken even when the question was asked some time ago.
+        // On a slow link the answer may take minutes: it is taken however late it arrives.
         let replies = self.session.get(&self.receipt_key).timeout(UNANSWERED).wait();
         let Ok(replies) = replies else { return Ok(None) };
         let asked = Instant::now();
@@ -265,7 +265,7 @@ impl Publication {
         }
     }
 
-    /// Takes everything back and closes the session.
+    /// Undeclares everything and closes the session.
     ///
     /// # Errors
     /// When Zenoh refuses.
@@ -287,7 +287,7 @@ fn declare(session: &Session, key: String) -> Result<Publisher<'static>, Publica
         .map_err(zenoh_error)
 }
 
-/// Says who publishes; the messages carry numbers of their own.
+/// Publishes with the publisher's id; the messages carry sequence numbers of their own.
 fn put(publisher: &Publisher<'_>, bytes: ZBytes) -> Result<(), PublicationError> {
     publisher.put(bytes).source_info(SourceInfo::new(publisher.id(), 0)).wait().map_err(zenoh_error)
 }

@@ -1,8 +1,8 @@
-//! Recorded epochs at the speed of time, or a multiple of it.
+//! Recorded epochs at the recorded speed, or a multiple of it.
 //!
 //! The agents of a group play the same time: the hub tells each when its first epoch is due (`cofix/<group>/phone/<phone>/pace`), for
 //! recordings begin at different seconds, and a phone that lags by more than the hub's latency is not waited for. Where no hub answers, an
-//! agent begins at once.
+//! agent begins immediately.
 
 use std::time::{Duration, Instant};
 
@@ -22,7 +22,7 @@ impl Pace {
         Self { speed, start: None }
     }
 
-    /// How many times as fast as recorded epochs are due, as long as no first epoch has set the clock; `None` where none is needed.
+    /// The multiple of the recorded speed, as long as no first epoch has set the clock; `None` when it is set or not needed.
     pub(crate) const fn unset_times(&self) -> Option<f64> {
         match (self.speed, self.start) {
             (Speed::Times(times), None) => Some(times),

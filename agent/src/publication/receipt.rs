@@ -4,10 +4,10 @@ use std::time::{Duration, Instant};
 
 use cofix_common::wire::Receipt;
 
-/// Longest wait for an answer about receipts while the hub is connected: on a slow link what was published before the question is still on its way.
+/// Longest wait for an answer about receipts while the hub is connected: on a slow link the epochs before the question are still in transit.
 pub(crate) const UNANSWERED: Duration = Duration::from_mins(10);
 /// Longest wait for receipts without progress once asked to stop.
-const LAST_WORDS: Duration = Duration::from_secs(1);
+const STOPPED_PATIENCE: Duration = Duration::from_secs(1);
 
 /// How long receipts are waited for.
 pub(super) struct ReceiptWait {
@@ -30,16 +30,16 @@ impl ReceiptWait {
         self.progress.elapsed() < self.limit(stop_is_requested, is_connected)
     }
 
-    /// How long an answer may take: of a hub that is connected, all that was published before the question may still be on its way.
+    /// Longest wait for an answer: with a connected hub, everything published before the question may still be in transit.
     fn limit(&self, stop_is_requested: bool, is_connected: bool) -> Duration {
         match (stop_is_requested, is_connected) {
-            (true, _) => self.patience.min(LAST_WORDS),
+            (true, _) => self.patience.min(STOPPED_PATIENCE),
             (false, true) => self.patience.max(UNANSWERED),
             (false, false) => self.patience,
         }
     }
 
-    /// Takes an answer in; whether it is the last one, since the hub has not got more for long enough.
+    /// Takes an answer. Whether it is the last, since the hub has confirmed no more for too long.
     pub(super) fn is_enough(&mut self, answer: Option<Receipt>) -> bool {
         if answer.map(Receipt::settled) > self.known.map(Receipt::settled) {
             (self.known, self.progress) = (answer, Instant::now());
@@ -57,7 +57,7 @@ mod tests {
         let mut wait = ReceiptWait::new(Duration::from_secs(10), Duration::from_mins(20));
         assert_eq!(wait.limit(false, true), UNANSWERED, "what it has is still on its way");
         assert_eq!(wait.limit(false, false), Duration::from_secs(10), "the connection is lost");
-        assert_eq!(wait.limit(true, true), LAST_WORDS);
+        assert_eq!(wait.limit(true, true), STOPPED_PATIENCE);
         let receipt = |received| Some(Receipt { received, lost: 1 });
         assert!(!wait.is_enough(receipt(3)) && !wait.is_enough(receipt(2)) && !wait.is_enough(None));
         assert_eq!(wait.known, receipt(3));

@@ -1,4 +1,4 @@
-//! Masks as the command line and session files name them. What is left open has its default.
+//! Masks by their names on the command line and in session files. Options that are left out have their defaults.
 
 use std::ops::RangeInclusive;
 
@@ -73,7 +73,7 @@ pub enum Bias {
     FirstEpoch,
 }
 
-/// A mask that makes no sense.
+/// Invalid mask.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the mask of {name} is {value}; it must lie between {} and {}", limits.start(), limits.end())]
 pub struct MaskError {
@@ -85,7 +85,7 @@ pub struct MaskError {
 }
 
 impl Masks {
-    /// These, and what `file` says where they are left open.
+    /// These options, and those of `file` where they are left out.
     #[must_use]
     pub fn or(self, file: Self) -> Self {
         Self {
@@ -98,7 +98,7 @@ impl Masks {
     /// The options of corrections with these masks.
     ///
     /// # Errors
-    /// A mask that makes no sense.
+    /// Invalid mask.
     pub fn apply(&self, mut options: CorrectionOptions) -> Result<CorrectionOptions, MaskError> {
         let elevation_deg =
             checked("elevation_deg", "the elevation [degrees]", self.elevation_deg, 0.0..=90.0)?;
@@ -114,7 +114,7 @@ impl Masks {
 }
 
 impl LogOptions {
-    /// These, and what `file` says where they are left open.
+    /// These options, and those of `file` where they are left out.
     #[must_use]
     pub fn or(self, file: &Self) -> Self {
         Self {
@@ -131,10 +131,10 @@ impl LogOptions {
         }
     }
 
-    /// How text is read; of `masks` the one of C/N0 counts.
+    /// The options of reading text; of `masks`, that of C/N0 counts.
     ///
     /// # Errors
-    /// A mask that makes no sense.
+    /// Invalid mask.
     pub fn with(&self, masks: &Masks) -> Result<gnsslogger::Options, MaskError> {
         let limit = MOST_SHIFT_WEEKS as f64;
         let weeks = self.shift_weeks.map(|weeks| weeks as f64);

@@ -1,4 +1,4 @@
-//! A settings file of the agent: the tables of a session file that say how phones are processed.
+//! A settings file of the agent: the tables of a session file with the options of processing.
 //!
 //! ```toml
 //! [filter]
@@ -27,12 +27,12 @@ use serde::Deserialize;
 use masks::entries;
 pub use masks::{LogOptions, MaskError, Masks};
 
-/// What a settings file says.
+/// The content of a settings file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileSettings {
     /// The estimator's settings.
     pub estimator: Settings,
-    /// What is not used.
+    /// Satellites and signals that are not used.
     pub masks: Masks,
     /// How GnssLogger text is read.
     pub log: LogOptions,
@@ -49,12 +49,12 @@ pub enum SettingsFileError {
         /// Why.
         cause: std::io::Error,
     },
-    /// It is no TOML, or has a key or a value that makes no sense.
+    /// It is not TOML, or has an unknown key or an invalid value.
     #[error("{}: {reason}", path.display())]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// What is wrong, with its line.
+        /// The mistake, with its line.
         reason: String,
     },
 }
@@ -86,7 +86,7 @@ impl FileSettings {
     /// Reads the text of a file.
     ///
     /// # Errors
-    /// What is wrong, with its line.
+    /// The mistake, with its line.
     pub fn parse(text: &str) -> Result<Self, String> {
         let file: File = toml::from_str(text).map_err(|error| error.to_string().trim_end().to_owned())?;
         let File { correction, stochastic, integrity, filter, constraints, alignment, masks, log } = file;
@@ -99,7 +99,7 @@ impl FileSettings {
     }
 }
 
-/// An agent's sources are on its command line.
+/// Refuses sources of corrections: an agent's are on its command line.
 fn refuse_sources(correction: &CorrectionKeys, text: &str) -> Result<(), String> {
     let is_given = [
         ("sources", correction.sources.is_some(), "--corrections SOURCE"),
@@ -112,7 +112,7 @@ fn refuse_sources(correction: &CorrectionKeys, text: &str) -> Result<(), String>
     Err(format!("line {line}: [correction] {key} belongs in session files; give the agent {option}"))
 }
 
-/// What is wrong with a value of `table`, with its line.
+/// The message about an invalid value in `table`, with its line.
 pub fn in_table(table: &str, error: &MaskError, text: &str) -> String {
     match line_of(text, table, error.key) {
         Some(line) => format!("line {line}: [{table}] {}: {error}", error.key),

@@ -1,7 +1,7 @@
-//! When a recording of RTCM 3 was made: its observations lack the week.
+//! Dates of recordings of RTCM 3, whose observations lack the week.
 //!
-//! Ephemerides in the stream state it. Where there are none, or to complete their numbers, which repeat after 20 years, a date stands for it that the user
-//! or the orbits give, or else the file's last change, which no recording outlasts. Live there is the computer's clock, and nothing to look ahead to.
+//! Ephemerides in the stream state it. Where there are none, or to complete their week numbers, which repeat after 20 years, a date serves that the
+//! user or the orbits give, or else the file's last change, which is after the recording. A live stream is dated by the computer's clock.
 
 use std::io;
 use std::path::Path;
@@ -18,13 +18,13 @@ use crate::Stop;
 use crate::clock;
 use crate::input::{Bytes, Portion, Recorded};
 
-/// When a recording was made, and what is to be said about it.
+/// The dates of a recording, and notes about them.
 pub(crate) struct Dated {
     pub(crate) dates: StreamDates,
     pub(crate) notes: Skips,
 }
 
-/// Looks through a file, if it is RTCM 3. `near`: an instant near its beginning that somebody gave.
+/// Looks through a file, if it is RTCM 3. `near`: a given instant near its beginning.
 pub(crate) fn of_file(path: &Path, near: Option<GpsTime>) -> io::Result<Option<Dated>> {
     let hint = near.map_or_else(|| DatingHint::NotAfter(last_change(path)), DatingHint::Near);
     let Some(dates) = look_through(path, hint)? else { return Ok(None) };
@@ -32,7 +32,7 @@ pub(crate) fn of_file(path: &Path, near: Option<GpsTime>) -> io::Result<Option<D
     Ok(Some(Dated { dates, notes }))
 }
 
-/// When a file was last changed, or now where that cannot be: a clock was not set.
+/// When a file was last changed; now where that is impossible, since a clock was not set.
 fn last_change(path: &Path) -> GpsTime {
     let now = clock::now();
     let changed = std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
@@ -45,7 +45,7 @@ fn look_through(path: &Path, hint: DatingHint) -> io::Result<Option<StreamDates>
     let leap_seconds = u8::try_from(leap_seconds_at(time)).unwrap_or(0);
     let (mut dating, mut bytes) = (Dating::new(hint, leap_seconds), Recorded::open(path)?);
     let (mut buffer, mut is_first) = (Vec::new(), true);
-    // What is damaged is told where the file is read.
+    // Damage is counted where the file is read.
     while let Ok(Portion::Bytes) = bytes.next(&mut buffer, &Stop::default()) {
         let is_text = is_first && !matches!(recognise_text(&buffer, false), None | Some(Format::Rtcm3));
         dating.feed(&buffer);

@@ -1,4 +1,4 @@
-//! Sources that cannot be used, and why.
+//! Errors of sources.
 
 use std::fmt::Display;
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ pub enum SourceError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What it should be.
+        /// The expected kind.
         kind: &'static str,
         /// Why.
         cause: std::io::Error,
@@ -27,17 +27,17 @@ pub enum SourceError {
         /// Why.
         cause: std::io::Error,
     },
-    /// It is not what it should be.
+    /// It is of another kind.
     #[error("{source_name}: not usable as {kind} file: {reason}")]
     Unusable {
         /// The file or live source.
         source_name: String,
-        /// What it should be.
+        /// The expected kind.
         kind: &'static str,
-        /// What the parser says.
+        /// The parser's message.
         reason: String,
     },
-    /// There is no product at all.
+    /// There are no orbits at all.
     #[error(
         "no orbits: name at least one SP3 or RINEX navigation file that has some (the observations carry neither navigation \
          messages nor states of satellites by the phone; a challenge table carries its own satellite states: \
@@ -46,13 +46,13 @@ pub enum SourceError {
     NoProducts,
 }
 
-/// A source's name and what went wrong, the name once.
+/// A source's name and its error, with the name once.
 pub(crate) fn once_named(name: &str, error: &impl Display) -> String {
     let error = error.to_string();
     if error.starts_with(name) { error } else { format!("{name}: {error}") }
 }
 
-/// A reason with what the file looks like, unless it says so already.
+/// A reason with a hint at the file's kind, unless the reason contains it.
 pub(crate) fn with_hint(reason: String, hint: Option<&str>) -> String {
     match hint {
         Some(hint) if !reason.contains(hint) => format!("{reason}; {hint}"),
@@ -60,18 +60,18 @@ pub(crate) fn with_hint(reason: String, hint: Option<&str>) -> String {
     }
 }
 
-/// A source of observations that brought no epoch, and what was skipped of it.
+/// The error of a source of observations without an epoch, with the skipped parts.
 pub(crate) fn no_epoch(name: &str, skips: &Skips) -> SourceError {
     nothing_in(name, OBSERVATIONS, "epoch", skips)
 }
 
-/// A file of a kind without one of what it is for, and what was skipped of it.
+/// The error of a file without content of its kind, with the skipped parts.
 pub(crate) fn nothing_in(name: &str, kind: &'static str, what: &str, skips: &Skips) -> SourceError {
     let reason = format!("it holds no {what}{}", and_skipped(skips));
     SourceError::Unusable { source_name: name.to_owned(), kind, reason }
 }
 
-/// The end of a sentence that says what was skipped.
+/// The end of a sentence, with the skipped parts.
 pub(crate) fn and_skipped(skips: &Skips) -> String {
     if skips.is_empty() { String::new() } else { format!("; skipped: {skips}") }
 }

@@ -1,4 +1,4 @@
-//! What a file is that was named in the wrong place, and where it goes.
+//! The kind of a file that was named in the wrong place, and its right place.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use cofix_common::formats::kinds::hint;
 use crate::Stop;
 use crate::input::{Bytes, Portion, Recorded};
 
-/// So much of a file is looked at.
+/// Bytes of a file that are looked at.
 const START: usize = 4_096;
 
 /// [`hint`] of a file that may be packed; `None` also when it cannot be read.

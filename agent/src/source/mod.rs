@@ -2,7 +2,7 @@
 //!
 //! A recorded file is read twice, each time in portions: first to survey it (how many epochs, what is skipped, which
 //! navigation messages it carries), then epoch by epoch. So it need not fit into memory, and **its own navigation messages
-//! serve the epochs before them too**, as those of a navigation file do. From a live source a message serves from its arrival on.
+//! serve the epochs before them too**, like those of a navigation file. A message of a live source serves from its arrival on.
 
 mod dating;
 pub(crate) mod error;
@@ -46,7 +46,7 @@ pub struct Reading {
     pub dates: Option<StreamDates>,
 }
 
-/// What a first reading of a recorded source found.
+/// The result of a first reading of a recorded source.
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
     /// Epochs, in order of time.
@@ -55,24 +55,24 @@ pub struct Survey {
     pub navigation: OwnNavigation,
     /// Whether it has satellite states and corrections of its own.
     pub has_corrections: bool,
-    /// Where the source says that its antenna is, approximately.
+    /// Approximate position of the antenna, as the source states it.
     pub station: Option<Ecef>,
-    /// Whether these are the phone's own (GnssLogger text since 2022), and not those of who made a table.
+    /// Whether these are the phone's own (GnssLogger text since 2022), and not those of a challenge table.
     pub has_phone_states: bool,
-    /// What was skipped.
+    /// Everything skipped.
     pub skips: Skips,
     /// Dates of a stream of RTCM 3.
     pub dates: Option<StreamDates>,
 }
 
-/// A source, opened: its records come one by one.
+/// An opened source, which gives its records one by one.
 pub(crate) enum Opened<'a> {
     Memory(slice::Iter<'a, ObservationEpoch>),
     Stream { name: String, path: Option<&'a Path>, records: Box<Records> },
 }
 
 impl<'a> Opened<'a> {
-    /// Opens a source; a caster gets to hear the rover's position.
+    /// Opens a source. Casters are sent the rover's position.
     pub(crate) fn open(
         source: &'a Source,
         reading: &Reading,
@@ -114,7 +114,7 @@ impl<'a> Opened<'a> {
         self.records().is_some_and(|records| records.decoder().format() == Some(Format::GnssLogger))
     }
 
-    /// The records of a stream, for what they know of it.
+    /// The records of a stream, whose decoder knows more about it.
     pub(crate) const fn records(&self) -> Option<&Records> {
         match self {
             Self::Memory(_) => None,
@@ -123,7 +123,7 @@ impl<'a> Opened<'a> {
     }
 }
 
-/// What went wrong with a recorded file.
+/// An error of a recorded file.
 pub(crate) fn file_error(path: &Path, error: RecordsError) -> SourceError {
     source_error(&path.display().to_string(), Some(path), error)
 }

@@ -1,4 +1,4 @@
-//! Orbits and the rest: from files, and from what a stream of observations carries itself.
+//! Products: from files, and from the navigation messages of a stream of observations.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
@@ -19,7 +19,7 @@ use crate::source::error::{SourceError, with_hint};
 use crate::source::kinds;
 use crate::{ProductFiles, ProductSource, Stop};
 
-/// Group delays drift by a fraction of a nanosecond a month; older ones serve, but the user should know.
+/// Age of group delays beyond which the user is told, s: they drift by a fraction of a nanosecond a month.
 const STALE_GROUP_DELAYS_S: f64 = 7.0 * 86_400.0;
 
 /// Columns of a RINEX header line.
@@ -80,7 +80,7 @@ fn load(files: &ProductFiles) -> Result<(Products, Skips), SourceError> {
     Ok((products, skips))
 }
 
-/// As errors name it.
+/// The kind's name in errors.
 pub(crate) const NAVIGATION: &str = "RINEX navigation";
 
 /// Reads a RINEX navigation file.
@@ -88,7 +88,7 @@ pub(crate) fn navigation_file(path: &Path) -> Result<NavigationFile, SourceError
     parse(path, NAVIGATION, NavigationFile::parse)
 }
 
-/// Whether the first line is that of a RINEX navigation file. A file that cannot be read is none: who reads it will say why.
+/// Whether the first line is that of a RINEX navigation file; not for a file that cannot be read, whose reader will give the error.
 pub(crate) fn is_navigation_file(path: &Path, stop: &Stop) -> bool {
     let start = kinds::start_of(path, stop);
     let start = content(&start);
@@ -133,16 +133,16 @@ pub struct OwnNavigation {
     pub file: NavigationFile,
     /// GLONASS frequency channels by slot, as headers and observations tell them.
     pub glonass_channels: BTreeMap<u8, i8>,
-    /// Which messages there are: streams repeat them every few seconds.
+    /// The messages that are there: streams repeat them every few seconds.
     known: BTreeSet<MessageKey>,
 }
 
-/// What tells a message from others: satellite, kind, reference times of orbit and clock, issue of data, and what may
-/// change without a new one: health, accuracy, group delays, clock (Galileo's of E1 and of E5b may differ in the last bit).
+/// The identity of a message: satellite, kind, reference times of orbit and clock, issue of data, and the values that may
+/// change without a new issue: health, accuracy, group delays, clock (Galileo's of E1 and of E5b may differ in the last bit).
 type MessageKey = (SatelliteId, u8, GpsTime, GpsTime, u32, [u64; 5]);
 
 impl OwnNavigation {
-    /// Takes a record's ephemeris; gives back the epoch of any other record. Events change nothing.
+    /// Takes a record's ephemeris; returns its epoch, if it is one. Events are ignored.
     pub fn take(&mut self, record: Record) -> Option<ObservationEpoch> {
         match record {
             Record::Epoch(epoch) => return Some(epoch),
@@ -169,14 +169,14 @@ impl OwnNavigation {
         }
     }
 
-    /// Takes what the decoder knows beside ephemerides.
+    /// Takes the decoder's knowledge beside ephemerides: ionosphere terms, leap seconds, GLONASS channels.
     pub fn take_terms(&mut self, decoder: &StreamDecoder) {
         self.file.ionosphere = decoder.ionosphere();
         self.file.leap_seconds = decoder.leap_seconds();
         self.glonass_channels = decoder.glonass_channels();
     }
 
-    /// Gives products what the recording carried.
+    /// Adds the recording's messages and terms to products.
     pub(crate) fn add_to(self, products: &mut Arc<Products>) {
         if !self.glonass_channels.is_empty() {
             Arc::make_mut(products).set_glonass_channels(&self.glonass_channels);
@@ -187,13 +187,13 @@ impl OwnNavigation {
         }
     }
 
-    /// Adds what another recording carried.
+    /// Adds those of another recording.
     pub fn extend(&mut self, other: Self) {
         self.glonass_channels.extend(other.glonass_channels);
         self.add_file(other.file);
     }
 
-    /// Adds what a navigation file holds.
+    /// Adds those of a navigation file.
     pub fn add_file(&mut self, file: NavigationFile) {
         file.ephemerides.into_iter().for_each(|ephemeris| self.add_kepler(ephemeris));
         file.glonass.into_iter().for_each(|ephemeris| self.add_glonass(ephemeris));
@@ -210,8 +210,8 @@ impl OwnNavigation {
     }
 }
 
-/// Notes for what an epoch the products lack: precise orbits, clocks and biases beyond their ends, recent group delays (at the
-/// first epoch).
+/// Counts the shortcomings of the products for an epoch: precise orbits, clocks and biases beyond their ends, and, at the first epoch, old
+/// group delays.
 pub(crate) fn note_shortcomings(time_gps: GpsTime, is_first: bool, products: &Products, skips: &mut Skips) {
     for (reason, coverage) in [
         (Reason::EpochOutsideOrbits, products.coverage()),

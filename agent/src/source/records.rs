@@ -1,4 +1,4 @@
-//! Bytes of any source and format to records, in order of time.
+//! Records of any source and format, in order of time.
 
 use cofix_common::formats::decode::{Decoder, Record};
 use cofix_common::formats::format::Format;
@@ -18,7 +18,7 @@ pub enum RecordsError {
     /// The source cannot be read.
     #[error(transparent)]
     Read(#[from] std::io::Error),
-    /// It is not what it should be.
+    /// It is of no format that is read.
     #[error(transparent)]
     Wrong(#[from] cofix_common::formats::decode::WrongStream),
 }
@@ -29,14 +29,14 @@ pub struct Records {
     decoder: StreamDecoder,
     buffer: Vec<u8>,
     ended: bool,
-    /// Whether the next bytes are of another file than those before.
-    is_anew: bool,
+    /// Whether the next bytes belong to another file than those before.
+    is_restarted: bool,
     /// An instant near the stream's beginning.
     near: GpsTime,
     /// Dates of a stream of RTCM 3.
     dates: Option<StreamDates>,
     last: Option<GpsTime>,
-    /// What was skipped here; the decoder counts for itself.
+    /// Skipped here; the decoder counts for itself.
     skips: Skips,
 }
 
@@ -48,7 +48,7 @@ impl Records {
             decoder: StreamDecoder::new(near),
             buffer: Vec::new(),
             ended: false,
-            is_anew: false,
+            is_restarted: false,
             near,
             dates: None,
             last: None,
@@ -76,7 +76,7 @@ impl Records {
     }
 
     /// The next record; blocks until there is one. `None` at the end, and soon after a request to stop. Epochs come in
-    /// order of time: one that does not is counted and left out.
+    /// order of time: an epoch that does not is counted and left out.
     ///
     /// # Errors
     /// When the source cannot be read, or shows that it is of no format that is read.
@@ -95,7 +95,7 @@ impl Records {
     }
 
     fn advance(&mut self, stop: &Stop) -> Result<(), RecordsError> {
-        if std::mem::take(&mut self.is_anew) {
+        if std::mem::take(&mut self.is_restarted) {
             self.skips.merge(self.decoder.skips());
             self.decoder = self.decoder.renewed(self.last.unwrap_or(self.near));
         }
@@ -107,9 +107,9 @@ impl Records {
             }
             Portion::Restarted => {
                 self.count_break();
-                // What it was does not matter any more.
+                // Its format does not matter any more.
                 let _ = self.decoder.finish();
-                self.is_anew = true;
+                self.is_restarted = true;
             }
             Portion::End => self.end(stop)?,
             Portion::Lost => {
@@ -153,7 +153,7 @@ impl Records {
         true
     }
 
-    /// Leaves out observations of signals that their satellites cannot send. Of RINEX the decoder has done it, which knows the lines.
+    /// Leaves out observations of signals that their satellites cannot send. In RINEX the decoder has done so, which knows the lines.
     fn without_impossible_signals(&mut self, mut record: Record) -> Record {
         let is_rinex = matches!(self.decoder.format(), Some(Format::Rinex | Format::CompactRinex));
         if let (Record::Epoch(epoch), false) = (&mut record, is_rinex) {
@@ -171,12 +171,12 @@ impl Records {
         record
     }
 
-    /// The decoder, for what it knows of the stream.
+    /// The decoder, which knows more about the stream.
     pub const fn decoder(&self) -> &StreamDecoder {
         &self.decoder
     }
 
-    /// What was skipped so far.
+    /// Everything skipped so far.
     pub fn skips(&self) -> Skips {
         let mut all = self.decoder.skips().clone();
         all.merge(&self.skips);

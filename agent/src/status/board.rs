@@ -1,4 +1,4 @@
-//! Where status lines are shown.
+//! Status lines on a terminal or in the log.
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::{Mutex, PoisonError};
@@ -65,7 +65,7 @@ impl Drop for Board {
     fn drop(&mut self) {
         if let Some((all, _)) = &self.terminal {
             *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = None;
-            // What cannot be cleared stays.
+            // Lines that cannot be cleared stay.
             let _ = all.clear();
         }
     }

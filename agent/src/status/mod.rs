@@ -1,7 +1,7 @@
-//! What is said of phones while agent and hub run: one line a phone, and alarms at once.
+//! The status of phones while agent and hub run: a line for each phone, and alarms at once.
 //!
-//! [`Pulse`] holds what is known of a phone's last epochs and puts it into words; it has no clock of its own. [`Board`] shows lines
-//! on a terminal, where they are redrawn, or logs them now and then.
+//! [`LastEpochs`] describes a phone's last epochs; it has no clock of its own. [`Board`] shows lines on a terminal, where they are redrawn
+//! every second, or logs them every minute.
 
 mod board;
 
@@ -20,14 +20,14 @@ pub use board::Board;
 const RATE_WINDOW: Duration = Duration::from_secs(10);
 /// Shortest time between two alarms of the same kind about a phone.
 const QUIET: Duration = Duration::from_mins(1);
-/// Epochs that are further from the computer's clock, s, are those of a recording, of which it says nothing.
+/// Difference from the computer's clock beyond which epochs are those of a recording, s.
 const RECORDING_S: f64 = 30.0 * 86_400.0;
-/// A live phone and the computer whose clocks differ by more, s: one of the two is wrong.
+/// Difference between the clocks of a live phone and the computer beyond which one of the two is wrong, s.
 const WRONG_CLOCK_S: f64 = 60.0;
-/// A live phone whose epochs are older than this, s, falls behind.
+/// Age of its epochs beyond which a live phone falls behind, s.
 const LATE_S: f64 = 10.0;
 
-/// When something is, by a steady clock and in GPS time by the computer's.
+/// An instant by a steady clock, and in GPS time by the computer's clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
     /// Time since the start.
@@ -36,7 +36,7 @@ pub struct Moment {
     pub wall_gps: GpsTime,
 }
 
-/// What is known of a phone's last epoch.
+/// A phone's last epoch.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     at: Duration,
@@ -48,7 +48,7 @@ struct Last {
 
 /// A phone's last epochs.
 #[derive(Clone, Debug, Default)]
-pub struct Pulse {
+pub struct LastEpochs {
     epochs: u64,
     arrivals: VecDeque<Duration>,
     last: Option<Last>,
@@ -57,8 +57,8 @@ pub struct Pulse {
     clock_alarm: bool,
 }
 
-impl Pulse {
-    /// Takes an epoch in, with the phone's state as far as there is one. Returns what should be said at once.
+impl LastEpochs {
+    /// Takes an epoch, with the phone's state, if there is one. Returns alarms to be logged at once.
     pub fn epoch(
         &mut self,
         message: &EpochMessage,

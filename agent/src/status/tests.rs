@@ -31,29 +31,29 @@ fn state() -> PhoneState {
 
 #[test]
 fn a_line_says_age_rate_satellites_sigma_and_verdict() {
-    let mut pulse = Pulse::default();
-    assert_eq!(pulse.line("pixel", moment(3.0, 0.0)), "pixel: no epoch yet");
+    let mut last = LastEpochs::default();
+    assert_eq!(last.line("pixel", moment(3.0, 0.0)), "pixel: no epoch yet");
     for second in 0..30_u32 {
         let second = f64::from(second);
-        let said = pulse.epoch(&message(second, Verdict::Reliable), Some(&state()), moment(second, 0.4));
+        let said = last.epoch(&message(second, Verdict::Reliable), Some(&state()), moment(second, 0.4));
         assert!(said.is_empty(), "{said:?}");
     }
-    let line = pulse.line("pixel", moment(31.0, 0.4));
+    let line = last.line("pixel", moment(31.0, 0.4));
     assert_eq!(line, "pixel: 2.4 s old, 0.8 Hz, 0 satellites, sigma 2.0 m, reliable; 30 epochs");
     // A recording, years ago.
-    let line = pulse.line("pixel", moment(31.0, 2e8));
+    let line = last.line("pixel", moment(31.0, 2e8));
     assert!(line.starts_with("pixel: came 2.0 s ago, 0.8 Hz"), "{line}");
 }
 
 #[test]
 fn a_verdict_that_turns_bad_is_said_at_once_and_not_all_the_time() {
-    let mut pulse = Pulse::default();
+    let mut last = LastEpochs::default();
     let mut said = Vec::new();
     for second in 0..180_u32 {
         let bad = Verdict::Unreliable(Cause::TestsFailed);
         let verdict = if second % 4 == 3 { bad } else { Verdict::Reliable };
         let second = f64::from(second);
-        for alarm in pulse.epoch(&message(second, verdict), None, moment(second, 0.0)) {
+        for alarm in last.epoch(&message(second, verdict), None, moment(second, 0.0)) {
             said.push((second, alarm));
         }
     }
@@ -72,11 +72,11 @@ fn clocks_that_disagree_are_said_once_and_lateness_every_minute() {
         (-1_800.0, 1, "its epochs are 1800 s ahead of this computer's clock"),
         (2e8, 0, ""),
     ] {
-        let mut pulse = Pulse::default();
+        let mut last = LastEpochs::default();
         let mut said = Vec::new();
         for second in 0..90_u32 {
             let second = f64::from(second);
-            said.extend(pulse.epoch(&message(second, Verdict::Reliable), None, moment(second, ahead_s)));
+            said.extend(last.epoch(&message(second, Verdict::Reliable), None, moment(second, ahead_s)));
         }
         assert_eq!(said.len(), count, "{ahead_s}: {said:?}");
         assert!(said.iter().all(|alarm| alarm.starts_with(text)), "{said:?}");

@@ -1,4 +1,4 @@
-//! Requests to end from outside the process.
+//! Signals of the operating system that ask a process to end.
 
 use crate::Stop;
 

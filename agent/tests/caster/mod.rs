@@ -112,7 +112,7 @@ pub fn frame(number: u16) -> Vec<u8> {
     recordings::frame(&(number << 4).to_be_bytes())
 }
 
-/// Messages 1024 so many times.
+/// This number of messages 1024.
 pub fn frames(count: usize) -> Vec<u8> {
     frame(1024).repeat(count)
 }

@@ -84,7 +84,7 @@ impl Hub {
         }
     }
 
-    /// Receives so many epochs.
+    /// Receives this number of epochs.
     pub fn receive(&self, count: usize) -> Vec<EpochMessage> {
         (0..count).map(|_| self.epochs.recv_timeout(Duration::from_secs(20)).unwrap()).collect()
     }

@@ -1,4 +1,4 @@
-//! What agents published and the hub did not fuse.
+//! Published epochs that the hub did not fuse.
 
 use cofix_common::fusion::align::LOSSES;
 use cofix_common::skips::Reason;

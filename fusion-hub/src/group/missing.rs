@@ -1,4 +1,4 @@
-//! What a group does about epochs that were published and are not here.
+//! Epochs that were published and have not arrived.
 
 use anyhow::bail;
 
@@ -7,7 +7,7 @@ use crate::network::intake::Intake;
 use crate::network::recovery::{Question, Step};
 
 impl Group {
-    /// Asks agents for what is missing, and gives up what they do not have.
+    /// Asks agents for missing epochs, and gives up those that they do not have.
     pub(super) fn recover(&mut self) {
         let now = self.now;
         if self.recovered_at.is_some_and(|last| now.saturating_sub(last) < TICK) {
@@ -27,7 +27,7 @@ impl Group {
         }
     }
 
-    /// Nobody waits for the phone: its newest epochs must not wait for those that are missing before them.
+    /// Gives up the gaps of a phone that the group does not wait for: its newest epochs must not wait for missing ones before them.
     pub(super) fn give_up_gaps(&mut self, phone: usize) {
         let gap = |intake: &Intake| {
             let mut gaps = intake.gaps().filter(|(of, _, gap)| *of == phone && gap.waited_on);
@@ -66,7 +66,7 @@ impl Group {
                 *slot = None;
                 continue;
             }
-            // Waits as long as some still come.
+            // Waits as long as the number still falls.
             let known = slot.filter(|(before, _)| *before == missing);
             let (_, since) = *slot.insert(known.unwrap_or((missing, self.now)));
             if lost == 0 && self.now.saturating_sub(since) < self.grace {
@@ -86,7 +86,7 @@ impl Group {
         Ok(())
     }
 
-    /// Tells the agents of a phone's runs that have finished what is given up.
+    /// Notes for the agents of a phone's finished runs how many epochs are given up.
     fn note_receipts(&self, phone: usize) {
         let Some(name) = self.parts.phones.get(phone) else { return };
         for (sender, _) in self.intake.finished_runs(phone) {

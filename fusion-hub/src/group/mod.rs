@@ -23,15 +23,15 @@ use crate::report::Report;
 
 use steady::Steady;
 
-/// How long the thread waits for an event before it looks at the clock.
+/// Longest wait of the thread for an event before it looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
-/// How long agents that have ended and are still there may take to ask whether everything arrived: on a slow link the question takes a while.
-const FAREWELL: Duration = Duration::from_secs(30);
-/// How long agents that were told so may stay.
-const LINGER: Duration = Duration::from_secs(1);
-/// Most events that are taken in before the thread looks at the clock: who is late is decided when all that has come is known.
+/// Longest wait for agents that have finished and still have to ask whether everything arrived: on a slow link the question takes a while.
+const LONGEST_STAY: Duration = Duration::from_secs(30);
+/// Longest wait for the end of agents that were told so.
+const LONGEST_STAY_ONCE_TOLD: Duration = Duration::from_secs(1);
+/// Most events that are handled before the thread looks at the clock: whether a phone is late is decided when all its events are known.
 const BATCH: usize = 256;
-/// Most events that are taken in after the request to stop.
+/// Most events that are handled after the request to stop.
 const LAST_EVENTS: usize = 10_000;
 
 /// How a group comes to its end.
@@ -39,7 +39,7 @@ const LAST_EVENTS: usize = 10_000;
 pub enum Course {
     /// Every phone of the group has an agent in this process; the end is when all have ended. Every message counts.
     Replay,
-    /// Phones come and go; the end is when somebody asks, or, if so wished, when all agents have ended.
+    /// Phones come and go; the end is on request, or, with `until_finished`, when all agents have ended.
     Live {
         /// Whether to end when all agents of the group have ended.
         until_finished: bool,
@@ -51,7 +51,7 @@ pub struct Group {
     parts: Parts,
     intake: Intake,
     recovery: Recovery,
-    /// The time of what is being done, since the start.
+    /// Time of the current step, since the start.
     now: Duration,
     /// When gaps were last looked at.
     recovered_at: Option<Duration>,
@@ -60,7 +60,7 @@ pub struct Group {
     /// By phone, whether an agent is there.
     alive: Vec<bool>,
     grace: Duration,
-    farewell: Duration,
+    longest_stay: Duration,
 }
 
 /// The parts of a group.
@@ -75,16 +75,16 @@ pub struct Parts {
     pub aligner: Aligner,
     /// Estimation.
     pub engine: Engine,
-    /// What agents are told about receipt.
+    /// Receipts for agents.
     pub receipts: Receipts,
-    /// How agents are asked for what is missing.
+    /// Questions to agents for missing epochs.
     pub history: HistoryQuestions,
     /// Consumers.
     pub outputs: Outputs,
 }
 
 impl Group {
-    /// How long the epochs of an agent that has ended may stay away: its last status may overtake them.
+    /// Longest wait for the epochs of an agent that has finished: its last status may overtake them.
     pub const GRACE: Duration = Duration::from_secs(10);
 
     /// Puts a group together.
@@ -104,13 +104,13 @@ impl Group {
             missing: vec![None; phones],
             alive: vec![false; phones],
             grace: Self::GRACE,
-            farewell: FAREWELL,
+            longest_stay: LONGEST_STAY,
         }
     }
 
-    /// Another time for stragglers than [`Group::GRACE`], which agents that have ended may take for their last question too.
+    /// With another limit than [`Group::GRACE`], which holds for the last questions of agents too.
     pub fn with_grace(self, grace: Duration) -> Self {
-        Self { grace, farewell: grace, ..self }
+        Self { grace, longest_stay: grace, ..self }
     }
 
     /// The phones' names.
@@ -148,8 +148,8 @@ impl Group {
         Ok(())
     }
 
-    /// Takes in what has happened by `now`, of the time since the start, and does what follows from it; `wall_gps` is the time by the
-    /// computer's clock.
+    /// Handles the events until `now`, the time since the start, and everything that is due then; `wall_gps` is the time by the computer's
+    /// clock.
     ///
     /// # Errors
     /// When an agent fails or a message is lost.
@@ -170,11 +170,13 @@ impl Group {
         self.check_stragglers()
     }
 
-    /// Stays until agents that have ended know that everything is here, or some seconds: they ask, and go when they know.
-    pub fn see_off(&mut self, events: &Receiver<Event>, stop: &Stop) {
+    /// Waits until the agents that have finished know that all their epochs arrived, for a limited time: they ask, and end when they know.
+    pub fn wait_for_agents(&mut self, events: &Receiver<Event>, stop: &Stop) {
         let start = Instant::now();
         let mut told_since: Option<Instant> = None;
-        while self.alive.iter().any(|alive| *alive) && start.elapsed() < self.farewell && !stop.is_requested()
+        while self.alive.iter().any(|alive| *alive)
+            && start.elapsed() < self.longest_stay
+            && !stop.is_requested()
         {
             match events.recv_timeout(TICK) {
                 Ok(Event::Alive { phone, alive }) => self.note_alive(&phone, alive),
@@ -183,7 +185,7 @@ impl Group {
             }
             if !self.all_told() {
                 told_since = None;
-            } else if told_since.get_or_insert_with(Instant::now).elapsed() > LINGER {
+            } else if told_since.get_or_insert_with(Instant::now).elapsed() > LONGEST_STAY_ONCE_TOLD {
                 return;
             }
         }
@@ -213,7 +215,7 @@ impl Group {
         (report, &mut self.parts.outputs)
     }
 
-    /// Whether a session makes sense now that it is over.
+    /// Checks the result of a session that is over.
     ///
     /// # Errors
     /// When a phone had nothing usable, or no two phones were there at one time.
@@ -284,7 +286,7 @@ impl Group {
         self.take_in(arrival);
     }
 
-    /// Passes on what has its turn now that something of a phone has arrived.
+    /// Passes the phone's messages on whose turn it is, after an arrival.
     fn take_in(&mut self, arrival: &Arrival) {
         let Some(phone) = self.intake.index(&arrival.phone) else { return };
         if let Some(sender) = &arrival.sender {
@@ -317,7 +319,7 @@ impl Group {
                 }
                 tracing::info!("{}: agent started: {summary}", arrival.phone);
                 self.parts.outputs.expect(self.intake.expected());
-                // It may have finished too.
+                // Its last status may have arrived before.
                 self.end_if_complete(phone);
             }
             Notice::Finished { phone, error } => {

@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-/// Longest step from one look to the next. What the thread did not see because it stood still (a suspended computer, a slow disk) is no
-/// phone's silence.
+/// Longest step from one look to the next: time in which the thread itself stood still (a suspended computer, a slow disk) is no phone's
+/// silence.
 const LONGEST_STEP: Duration = Duration::from_millis(500);
 
-/// Time since the start, without what the thread slept through.
+/// Time since the start, without standstills of the thread.
 #[derive(Debug)]
 pub(super) struct Steady {
     looked: Instant,

@@ -21,15 +21,15 @@ use zenoh::{Session, Wait};
 
 use crate::network::intake::Arrival;
 
-use pace::Metronome;
+use pace::PlaybackClock;
 pub use questions::HistoryQuestions;
 pub use receipts::Receipts;
 use receipts::answer;
 
-/// Events that may wait for the hub's thread. When they are as many, Zenoh and then the agents are held up.
+/// Most events that wait for the hub's thread. Beyond them, Zenoh and then the agents are held up.
 const WAITING_EVENTS: usize = 1_024;
 
-/// What happens to a hub.
+/// An event for the hub's thread.
 #[derive(Debug)]
 pub enum Event {
     /// An epoch of a phone.
@@ -42,21 +42,21 @@ pub enum Event {
     Answered {
         /// The phone.
         phone: String,
-        /// Whose run was asked for.
+        /// The sender of the run that was asked for.
         sender: String,
     },
     /// A phone's agent appeared or disappeared.
     Alive {
         /// The phone in the key.
         phone: String,
-        /// Whether it is there.
+        /// Whether it has appeared.
         alive: bool,
     },
-    /// An agent of this process ended; an error says why it failed.
+    /// An agent of this process ended.
     AgentEnded {
         /// The phone.
         phone: String,
-        /// How it ended.
+        /// Its error, if it failed.
         outcome: Result<(), String>,
     },
 }
@@ -101,10 +101,10 @@ impl Network {
             .callback(move |query| answer(&answers, &phones, &query))
             .wait()
             .map_err(zenoh_error)?;
-        let metronome = Metronome::default();
+        let clock = PlaybackClock::default();
         let paces = session
             .declare_queryable(all_paces_key(group)?)
-            .callback(move |query| metronome.answer(&query))
+            .callback(move |query| clock.answer(&query))
             .wait()
             .map_err(zenoh_error)?;
         let network = Self {
@@ -126,7 +126,7 @@ impl Network {
         self.session.info().locators().wait().iter().map(ToString::to_string).collect()
     }
 
-    /// For events from this process.
+    /// The sender for events from this process.
     pub fn sender(&self) -> SyncSender<Event> {
         self.sender.clone()
     }
@@ -136,7 +136,7 @@ impl Network {
         self.receipts.clone()
     }
 
-    /// For questions to agents about their history.
+    /// Starts the questions to agents about their history.
     ///
     /// # Errors
     /// When no thread can be started for them.
@@ -160,20 +160,20 @@ impl Network {
 
 /// Publishes fused states.
 pub struct FusedPublisher {
-    /// `None`: nobody hears them.
+    /// `None`: nothing is published.
     session: Option<Session>,
     group: String,
     congestion_control: CongestionControl,
 }
 
 impl FusedPublisher {
-    /// One that nobody hears.
+    /// A publisher without a session.
     #[cfg(test)]
     pub(crate) const fn nowhere() -> Self {
         Self { session: None, group: String::new(), congestion_control: CongestionControl::Drop }
     }
 
-    /// Publishes one.
+    /// Publishes a fused state.
     ///
     /// # Errors
     /// When it cannot be encoded or Zenoh refuses.

@@ -1,4 +1,4 @@
-//! Which time the recordings of a group are played at.
+//! The common playback time of a group's recordings.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -9,10 +9,11 @@ use zenoh::query::Query;
 
 use super::reply;
 
-/// An agent whose first epoch is further from what the others play, s of the recordings, begins at once: another drive, or a new run.
+/// Largest distance of an agent's first epoch from the others' playback time, s of the recordings. Beyond it the agent begins at once: it plays
+/// another drive, or a new run.
 const FARTHEST_S: f64 = 60.0;
 
-/// What is played, by the first agent that asked.
+/// The playback time, set by the first agent that asked.
 #[derive(Clone, Copy, Debug)]
 struct Played {
     at: Instant,
@@ -20,14 +21,14 @@ struct Played {
     times: f64,
 }
 
-/// Tells agents that play recordings when their first epochs are due.
+/// Answers when the first epochs of recordings are due.
 #[derive(Debug, Default)]
-pub(super) struct Metronome {
+pub(super) struct PlaybackClock {
     played: Mutex<Option<Played>>,
 }
 
-impl Metronome {
-    /// In how many seconds the epoch of `first` is due at `times` the speed of time; below zero, it was due some time ago.
+impl PlaybackClock {
+    /// Time until the epoch of `first` is due at `times` the recorded speed, s; negative when it was due earlier.
     fn due_in_s(&self, now: Instant, first: GpsTime, times: f64) -> f64 {
         let mut played = self.played.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(played) = played.filter(|played| played.times == times) {
@@ -61,10 +62,10 @@ mod tests {
 
     #[test]
     fn all_phones_play_one_time() {
-        let metronome = Metronome::default();
+        let clock = PlaybackClock::default();
         let (begin, start) = (Instant::now(), GpsTime::from_week_tow(2_118, 0.0));
         let ask = |after_s: f64, first_s: f64, times: f64| {
-            metronome.due_in_s(begin + Duration::from_secs_f64(after_s), start + first_s, times)
+            clock.due_in_s(begin + Duration::from_secs_f64(after_s), start + first_s, times)
         };
         let near = |a: f64, b: f64| (a - b).abs() < 1e-6;
         assert!(near(ask(0.0, 10.0, 1.0), 0.0), "the first begins at once");

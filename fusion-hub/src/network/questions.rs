@@ -1,4 +1,4 @@
-//! The hub's questions to agents about what it missed.
+//! The hub's questions to agents about missing epochs.
 
 use std::sync::mpsc::{SyncSender, sync_channel};
 
@@ -10,7 +10,7 @@ use zenoh::{Session, Wait};
 use super::{Event, arrival, zenoh_error};
 use crate::network::recovery::{ANSWER, Question};
 
-/// Questions that may wait for the thread that asks.
+/// Most questions that wait for the thread that asks.
 const WAITING_QUESTIONS: usize = 64;
 
 /// Asks agents for what they keep; the answers become events.
@@ -35,7 +35,7 @@ impl HistoryQuestions {
         Ok(Self { questions })
     }
 
-    /// Questions that go nowhere but into a channel.
+    /// Questions that only go into a channel.
     #[cfg(test)]
     pub(crate) const fn into(questions: SyncSender<(String, Question)>) -> Self {
         Self { questions }

@@ -1,4 +1,4 @@
-//! How many epochs of each phone's run have arrived, for its agent, which asks.
+//! Receipts: how many epochs of each phone's run have arrived, for its agent, which asks.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,7 +8,7 @@ use zenoh::query::Query;
 
 use super::reply;
 
-/// Most runs remembered for receipts; the oldest are forgotten.
+/// Most runs with receipts; the oldest are forgotten.
 const MAXIMUM_RUNS: usize = 1_024;
 
 /// How many epochs of each phone's run have arrived, shared with those who ask. Clones share it.
@@ -17,7 +17,7 @@ pub struct Receipts {
     shared: Arc<Mutex<VecDeque<Run>>>,
 }
 
-/// What is known of one run, and what its agent was told last.
+/// One run, and the number of epochs that its agent was told last.
 #[derive(Debug)]
 struct Run {
     phone: String,
@@ -32,7 +32,7 @@ impl Receipts {
         self.with(phone, sender, |run| run.receipt = receipt);
     }
 
-    /// Whether the agent of a run was told of as many epochs.
+    /// Whether the agent of a run was told of that many epochs or more.
     pub fn was_told(&self, phone: &str, sender: &str, received: u64) -> bool {
         let runs = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
         runs.iter()

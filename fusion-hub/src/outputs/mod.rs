@@ -1,4 +1,4 @@
-//! Where fused epochs go: counts, scores, progress, and a list of sinks, each on its own: listeners, status, files.
+//! Consumers of fused epochs: counts, scores, progress, and a list of independent sinks (listeners, status, files).
 
 mod positions;
 mod publisher;
@@ -44,17 +44,17 @@ pub struct OutputFiles {
     pub overwrite: bool,
 }
 
-/// A file that takes fused epochs in.
+/// A file that takes fused epochs.
 struct FileSink {
-    /// What it is, with its article.
+    /// Its purpose, with the article.
     what: &'static str,
-    /// Where it should be written to.
+    /// Its path.
     path: fn(&OutputFiles) -> Option<&PathBuf>,
     /// Opens it.
     open: fn(&Opening<'_>) -> anyhow::Result<Box<dyn Sink>>,
 }
 
-/// All files that take fused epochs in. The report is none: it is written when everything is over.
+/// All files that take fused epochs. The report is not among them: it is written at the end.
 const FILE_SINKS: &[FileSink] = &[
     FileSink { what: "the recording", path: |files| files.recording.as_ref(), open: recording::open },
     FileSink { what: "the positions", path: |files| files.positions.as_ref(), open: positions::open },
@@ -99,7 +99,7 @@ impl Outputs {
         }
     }
 
-    /// Writes files, too, each of which gets its name at the end.
+    /// Adds sinks for files, each of which gets its name at the end.
     ///
     /// # Errors
     /// When a file cannot be created.
@@ -113,7 +113,7 @@ impl Outputs {
         Ok(())
     }
 
-    /// Says how the phones are, in lines on a terminal or in the log.
+    /// Adds a sink that shows the phones' status, in lines on a terminal or in the log.
     pub fn show_status(&mut self, moment: Moment) {
         self.sinks.push(Box::new(Status::new(&self.names, moment)));
     }
@@ -128,7 +128,7 @@ impl Outputs {
         self.failure.as_deref()
     }
 
-    /// Has every sink work. One that fails ends there; everything else goes on.
+    /// Calls every sink. A sink that fails ends there; the others go on.
     fn each(&mut self, mut work: impl FnMut(&mut dyn Sink, &Self) -> anyhow::Result<()>) {
         for mut sink in std::mem::take(&mut self.sinks) {
             match work(sink.as_mut(), self) {
@@ -146,7 +146,7 @@ impl Outputs {
         });
     }
 
-    /// What is known so far, without what the group knows.
+    /// The report so far, without the group's part.
     pub fn report(&self) -> Report {
         let span = self.tally.span;
         Report {
@@ -176,7 +176,7 @@ impl Outputs {
         self.progress.set_length(phone_epochs);
     }
 
-    /// Hands an epoch to everybody.
+    /// Gives an epoch to all consumers.
     pub fn push(&mut self, epoch: &FusedEpoch) {
         self.tally.push(epoch);
         self.scores.push(epoch);

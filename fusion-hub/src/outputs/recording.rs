@@ -29,19 +29,19 @@ pub(super) fn open(opening: &Opening<'_>) -> anyhow::Result<Box<dyn Sink>> {
     Ok(Box::new(file))
 }
 
-/// A recording at work. It is written as `NAME.partial.rrd` and gets its name at the end: what has the name is whole, and what
-/// a killed hub leaves can be told from it and opened. A pipe or a device is written directly.
+/// A recording in progress. It is written as `NAME.partial.rrd` and gets its name when it is whole; a killed hub leaves the partial file, which
+/// can be opened. A pipe or a device is written directly.
 struct RecordingFile {
     recorder: Recorder,
     path: PathBuf,
     partial: Option<PathBuf>,
     overwrite: bool,
-    /// Whether what is recorded can not be had again.
+    /// Whether the session cannot be run again.
     is_live: bool,
 }
 
 impl RecordingFile {
-    /// Creates the file. `overwrite`: one that is there may be replaced.
+    /// Creates the file. `overwrite`: an existing file may be replaced.
     ///
     /// # Errors
     /// When a file of that name is there, finished or not, or it cannot be created.
@@ -62,7 +62,7 @@ impl RecordingFile {
         Ok(Self { recorder, path: path.to_owned(), partial, overwrite, is_live: false })
     }
 
-    /// Of a live session: what is older than `age` is written at every look at the clock, and kept whatever happens.
+    /// For a live session: data older than `age` are written at every tick, and kept in any case.
     fn keep_live(&mut self, age: Duration) {
         self.recorder.write_after(age);
         self.is_live = true;
@@ -71,7 +71,7 @@ impl RecordingFile {
     /// Ends the file and gives it its name.
     ///
     /// # Errors
-    /// Why it is not whole, or has not its name, and where it is.
+    /// Why it is not whole, or does not have its name, and where it is.
     fn put_in_place(self, table: &str) -> Result<(PathBuf, Recorded), String> {
         let Self { recorder, path, partial, overwrite, is_live } = self;
         let recorded = match recorder.finish(table) {
@@ -117,7 +117,7 @@ impl Sink for RecordingFile {
         Ok(Some(Written { title: "Recording", path, figures, skips: recorded.skips }))
     }
 
-    /// One of a live session is left under its other name, one of a replay, which can be made again, is removed.
+    /// The recording of a live session is left under its partial name; that of a replay, which can be repeated, is removed.
     fn give_up(self: Box<Self>, why: &dyn Display) -> String {
         if !self.is_live {
             let text = failure(&self.path, None, why);
@@ -125,7 +125,7 @@ impl Sink for RecordingFile {
             return text;
         }
         let text = failure(&self.path, self.partial.as_deref(), why);
-        // What is written so far is worth more than a second complaint.
+        // The error is reported already; this only saves the data so far.
         let _ = self.recorder.finish(&format!("{INCOMPLETE}: {why}"));
         text
     }

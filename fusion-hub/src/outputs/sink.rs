@@ -1,4 +1,4 @@
-//! What an output is to those that hand fused epochs on.
+//! The interface of outputs of fused epochs.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -9,19 +9,19 @@ use cofix_common::skips::Skips;
 
 use crate::report::scores::{Reference, Scores};
 
-/// A consumer of fused epochs. An error of `epoch` or `tick` ends that sink (see [`Sink::give_up`]) and nothing else; it is told
-/// at the end of the run, which then fails.
+/// A consumer of fused epochs. An error of `epoch` or `tick` ends that sink (see [`Sink::give_up`]) and nothing else; it is
+/// reported at the end of the run, which then fails.
 pub trait Sink: Send {
-    /// Takes an epoch in.
+    /// Takes an epoch.
     ///
     /// # Errors
     /// When it cannot be written or sent.
     fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()>;
 
-    /// Looks at the clock: some twenty times a second while the group is at work.
+    /// Called about twenty times a second while the group works.
     ///
     /// # Errors
-    /// When what is due cannot be written or sent.
+    /// When data that are due cannot be written or sent.
     fn tick(&mut self, moment: Moment) -> anyhow::Result<()> {
         let _ = moment;
         Ok(())
@@ -33,12 +33,12 @@ pub trait Sink: Send {
     /// Why the output is not whole, with its file.
     fn finish(self: Box<Self>, text: &str) -> Result<Option<Written>, String>;
 
-    /// Ends it after an error of its own, and says which of its files is incomplete and why.
+    /// Ends it after an error of its own. Returns which of its files is incomplete, and why.
     fn give_up(self: Box<Self>, why: &dyn Display) -> String {
         format!("{why:#}")
     }
 
-    /// Ends it with what there is: the session did not come to its end, and will not come again.
+    /// Ends it and keeps its data: the session did not come to its end, and cannot be run again.
     ///
     /// # Errors
     /// Why the output is not whole, with its file.
@@ -51,25 +51,25 @@ pub trait Sink: Send {
     fn remove(self: Box<Self>) {}
 }
 
-/// An epoch for sinks, with what is known beside it.
+/// An epoch for sinks, with names and truths.
 #[derive(Clone, Copy)]
 pub struct Fused<'a> {
     /// The epoch.
     pub epoch: &'a FusedEpoch,
     /// The phones' names, in the order of the epoch's.
     pub phones: &'a [String],
-    /// Where the truth is.
+    /// Source of the truths.
     pub(super) scores: &'a Scores,
 }
 
 impl Fused<'_> {
-    /// Where the phones truly were, as far as counted truth says so.
+    /// The phones' true positions, where rows of a counted quality give them.
     pub fn references(&self) -> Vec<Reference> {
         self.scores.references(self.epoch)
     }
 }
 
-/// What the sink of a file is opened with.
+/// Parameters for opening the sink of a file.
 #[derive(Clone, Copy)]
 pub struct Opening<'a> {
     /// The file.
@@ -87,12 +87,12 @@ pub struct Opening<'a> {
 /// A file that is whole.
 #[derive(Clone, Debug)]
 pub struct Written {
-    /// What it is, as the head of a line.
+    /// Its title, at the head of a line.
     pub title: &'static str,
     /// The file.
     pub path: PathBuf,
     /// Its figures for people; may be empty.
     pub figures: String,
-    /// What is not in it.
+    /// Data that are not in it.
     pub skips: Skips,
 }

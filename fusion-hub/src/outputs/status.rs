@@ -1,40 +1,40 @@
-//! What a live hub says while it runs: one line a phone, and alarms at once.
+//! The status of a running live hub: a line for each phone, and alarms at once.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use cofix_agent::status::{Board, Moment, Pulse};
+use cofix_agent::status::{Board, LastEpochs, Moment};
 use cofix_common::constraint::{ConstraintOutcome, SkipReason};
 use cofix_common::fusion::engine::FusedEpoch;
 
 use crate::outputs::{Fused, Sink, Written};
 use crate::report::describe;
 
-/// A constraint that stays contradicted is named at most as often.
+/// Shortest time between two alarms about a contradicted constraint.
 const QUIET: Duration = Duration::from_mins(1);
 
-/// What is known of a group's last epochs, in words. No clock of its own.
+/// The status of a group, from its last epochs. No clock of its own.
 #[derive(Debug, Default)]
-pub struct Words {
+pub struct GroupStatus {
     names: Vec<String>,
-    pulses: Vec<Pulse>,
+    phones: Vec<LastEpochs>,
     /// When constraints were last named as contradicted.
     contradicted: BTreeMap<String, Duration>,
 }
 
-impl Words {
+impl GroupStatus {
     /// For phones of these names.
     pub fn new(names: &[String]) -> Self {
-        let pulses = vec![Pulse::default(); names.len()];
-        Self { names: names.to_vec(), pulses, contradicted: BTreeMap::new() }
+        let phones = vec![LastEpochs::default(); names.len()];
+        Self { names: names.to_vec(), phones, contradicted: BTreeMap::new() }
     }
 
-    /// Takes an epoch in. Returns what should be said at once.
+    /// Takes an epoch. Returns alarms to be logged at once.
     pub fn epoch(&mut self, epoch: &FusedEpoch, moment: Moment) -> Vec<String> {
         let mut alarms = Vec::new();
-        for ((name, pulse), phone) in self.names.iter().zip(&mut self.pulses).zip(&epoch.phones) {
+        for ((name, last), phone) in self.names.iter().zip(&mut self.phones).zip(&epoch.phones) {
             let Some(message) = &phone.message else { continue };
-            let said = pulse.epoch(message, phone.state.as_ref(), moment);
+            let said = last.epoch(message, phone.state.as_ref(), moment);
             alarms.extend(said.into_iter().map(|alarm| format!("{name}: {alarm}")));
         }
         for action in &epoch.actions {
@@ -57,13 +57,13 @@ impl Words {
 
     /// A line for each phone.
     pub fn lines(&mut self, moment: Moment) -> Vec<String> {
-        self.names.iter().zip(&mut self.pulses).map(|(name, pulse)| pulse.line(name, moment)).collect()
+        self.names.iter().zip(&mut self.phones).map(|(name, last)| last.line(name, moment)).collect()
     }
 }
 
-/// The words on a terminal or in the log.
+/// The sink that shows the status on a terminal or in the log.
 pub struct Status {
-    words: Words,
+    group: GroupStatus,
     board: Board,
     moment: Moment,
 }
@@ -72,13 +72,13 @@ impl Status {
     /// For phones of these names.
     pub fn new(names: &[String], moment: Moment) -> Self {
         let board = Board::new(names.len(), |line| tracing::info!("{line}"));
-        Self { words: Words::new(names), board, moment }
+        Self { group: GroupStatus::new(names), board, moment }
     }
 }
 
 impl Sink for Status {
     fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
-        for alarm in self.words.epoch(fused.epoch, self.moment) {
+        for alarm in self.group.epoch(fused.epoch, self.moment) {
             tracing::warn!("{alarm}");
         }
         Ok(())
@@ -87,7 +87,7 @@ impl Sink for Status {
     fn tick(&mut self, moment: Moment) -> anyhow::Result<()> {
         self.moment = moment;
         if self.board.is_due(moment.now) {
-            self.board.show(&self.words.lines(moment));
+            self.board.show(&self.group.lines(moment));
         }
         Ok(())
     }
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn phones_and_constraints_are_put_into_words() {
-        let mut words = Words::new(&["a".to_owned(), "b".to_owned()]);
+        let mut status = GroupStatus::new(&["a".to_owned(), "b".to_owned()]);
         let mut said = Vec::new();
         for second in 0..100_u32 {
             let bad = second == 50;
@@ -145,7 +145,7 @@ mod tests {
             let outcome = if second < 10 { ConstraintOutcome::Holds } else { contradicted };
             let second = f64::from(second);
             let moment = Moment { now: Duration::from_secs_f64(second), wall_gps: at(second) };
-            for alarm in words.epoch(&epoch(second, verdict, outcome), moment) {
+            for alarm in status.epoch(&epoch(second, verdict, outcome), moment) {
                 said.push((second, alarm));
             }
         }
@@ -160,7 +160,7 @@ mod tests {
             ]
         );
         let moment = Moment { now: Duration::from_secs(99), wall_gps: at(99.0) };
-        let lines = words.lines(moment);
+        let lines = status.lines(moment);
         assert_eq!(
             lines,
             ["a: 0.0 s old, 1.0 Hz, 0 satellites, no sigma, reliable; 100 epochs", "b: no epoch yet"]

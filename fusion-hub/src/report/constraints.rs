@@ -1,4 +1,4 @@
-//! What each constraint did.
+//! Counts of each constraint.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use cofix_common::fusion::engine::{FusedEpoch, ScheduledConstraint};
 use cofix_common::time::GpsTime;
 use serde::Serialize;
 
-/// A constraint and what it did.
+/// A constraint and its counts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ConstraintReport {
     /// Kind and bounds, as a session file writes them.
@@ -56,7 +56,7 @@ fn phones(constraint: &Constraint, names: &[String]) -> Vec<String> {
     constraint.phones().iter().map(name).collect()
 }
 
-/// Counts what the constraints of a schedule do.
+/// Counts of the constraints of a schedule.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ConstraintTally {
     schedule: Vec<ScheduledConstraint>,

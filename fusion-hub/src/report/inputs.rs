@@ -1,4 +1,4 @@
-//! The files that a session reads, each with what tells it from any other.
+//! The files that a session reads, each with its digest.
 
 use std::fs::File;
 use std::io::Read;
@@ -15,7 +15,7 @@ const PORTION: usize = 1 << 16;
 /// A file that was read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct InputFile {
-    /// What it is for.
+    /// Its purpose.
     pub what: String,
     /// Its path as the session file has it.
     pub path: String,
@@ -26,7 +26,7 @@ pub struct InputFile {
 }
 
 impl InputFile {
-    /// Reads a file to its end. Paths in `folder` are told from there.
+    /// Reads a file to its end. Paths in `folder` are given relative to it.
     ///
     /// # Errors
     /// When it cannot be read.

@@ -1,4 +1,4 @@
-//! What came of a session: for machines (JSON, documented in `docs/report.md`) and for people (tables).
+//! The result of a session: for machines (JSON, documented in `docs/report.md`) and for people (tables).
 
 pub mod attention;
 mod constraints;
@@ -24,7 +24,7 @@ pub use settings::SettingsReport;
 pub(crate) use table::Verdicts;
 pub use tally::Tally;
 
-/// Number of the form of the JSON report: it grows when a key changes its name or its meaning, or goes.
+/// Version of the JSON report: it grows when a key is renamed, removed or changes its meaning.
 pub const SCHEMA: u32 = 1;
 
 /// The report of a session. Keys are in a fixed order and nothing depends on the wall clock.
@@ -32,21 +32,21 @@ pub const SCHEMA: u32 = 1;
 pub struct Report {
     /// [`SCHEMA`].
     pub schema: u32,
-    /// Who wrote it.
+    /// The program that wrote it.
     pub program: Program,
     /// The group's name.
     pub group: String,
-    /// How the session was processed.
+    /// The settings of the session's processing.
     pub settings: SettingsReport,
     /// The files that were read.
     pub inputs: Vec<InputFile>,
-    /// What needs attention, most harmful first.
+    /// Findings that need attention, most harmful first.
     pub attention: Vec<Finding>,
-    /// Accuracy by method and phone; null for a phone that cannot be scored.
+    /// Accuracy by method and phone; null for phones without a score.
     pub methods: Methods,
     /// Why phones are not scored.
     pub unscored: BTreeMap<String, String>,
-    /// How truths and recordings go together, by phone.
+    /// How truths and recordings match, by phone.
     pub truth: BTreeMap<String, TruthReport>,
     /// First epoch of the group, GPS time.
     pub first_gps: Option<String>,
@@ -56,13 +56,13 @@ pub struct Report {
     pub epochs: u64,
     /// Epochs of the group in which more than one phone took part.
     pub common_epochs: u64,
-    /// What is known of each phone.
+    /// Counts and figures of each phone.
     pub phones: BTreeMap<String, PhoneReport>,
     /// Phones whose observations are the same.
     pub same_observations: Vec<SameObservations>,
-    /// What each constraint did, in force or not, by a key of its kind and phones.
+    /// Counts of each constraint, whether in force or not, by a key of its kind and phones.
     pub constraints: BTreeMap<String, ConstraintReport>,
-    /// What was skipped and belongs to no phone.
+    /// Skipped, and of no phone.
     pub skips: Skips,
 }
 
@@ -102,7 +102,7 @@ pub struct PhoneReport {
     pub first_gps: Option<String>,
     /// Last epoch, GPS time.
     pub last_gps: Option<String>,
-    /// Corrected observations that came.
+    /// Corrected observations that arrived.
     pub observations: u64,
     /// Those with a range rate, from Doppler.
     pub observations_with_rate: u64,
@@ -114,7 +114,7 @@ pub struct PhoneReport {
     pub vertical_sigma_m: Option<Typical>,
     /// Epochs by the agent's integrity verdict.
     pub verdicts: BTreeMap<String, u64>,
-    /// What was skipped, by the agent and by the hub.
+    /// Skipped by the agent and by the hub.
     pub skips: Skips,
 }
 
@@ -136,7 +136,7 @@ impl Report {
         serde_json::to_string_pretty(self).map(|text| text + "\n")
     }
 
-    /// What was skipped, a line for each phone and one for the group; empty when nothing was.
+    /// Skipped parts, in a line for each phone and a line for the group; empty when there are none.
     pub fn skipped(&self) -> String {
         let counts = |skips: &Skips| {
             let counts: Vec<String> =

@@ -1,4 +1,4 @@
-//! For how much of a session a phone was there.
+//! The part of a session that a phone's epochs cover.
 
 use cofix_common::time::GpsTime;
 

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::tally::extended;
 
-/// Accuracy by phone; `None` for a phone that cannot be scored.
+/// Accuracy by phone; `None` for phones without a score.
 pub type ByPhone = BTreeMap<String, Option<Accuracy>>;
 
 /// True position of a phone; `None` without truth.
@@ -42,7 +42,7 @@ pub struct Methods {
     pub joint: ByPhone,
 }
 
-/// How the truth of a phone and the session go together.
+/// How the truth of a phone matches the session.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TruthReport {
     /// First row, GPS time.
@@ -53,7 +53,7 @@ pub struct TruthReport {
     pub rows: usize,
     /// Those of a quality that counts.
     pub counted_rows: usize,
-    /// Seconds that its times would have to be later for it to fit distinctly better; null when they fit, or nothing moved.
+    /// Seconds to add to its times for a distinctly better fit; null when they fit, or the phone did not move.
     pub shift_s: Option<f64>,
     /// Median horizontal distance of the fused positions from the truth as it is, m; only with a shift.
     pub median_m: Option<f64>,
@@ -99,7 +99,7 @@ impl Scores {
         }
     }
 
-    /// Where the phones truly were, as far as counted truth says so.
+    /// The phones' true positions, where rows of a counted quality give them.
     pub fn references(&self, epoch: &FusedEpoch) -> Vec<Reference> {
         let reference = |(index, scores): (usize, &PhoneScores)| {
             Reference::look_up(epoch, index, |time| scores.position_at(time, &self.qualities))
@@ -138,7 +138,7 @@ impl Scores {
         self.phones.iter().filter_map(reason).collect()
     }
 
-    /// How truths and the session go together, by phone.
+    /// How truths match the session, by phone.
     pub fn truths(&self) -> BTreeMap<String, TruthReport> {
         let report = |scores: &PhoneScores| {
             Some((
@@ -186,7 +186,7 @@ impl PhoneScores {
             let is_inside = |time: &GpsTime| group.is_some_and(|(first, last)| (first..=last).contains(time));
             truth.times(qualities).filter(is_inside).count()
         };
-        // The best positions that there are.
+        // The best positions available.
         let solutions = [&self.joint, &self.local, &self.wls].into_iter().find(|list| !list.is_empty());
         let shift = solutions.and_then(|solutions| time_shift(truth, counted, solutions));
         TruthReport {

@@ -1,4 +1,4 @@
-//! How a session was processed.
+//! The settings of a session's processing.
 
 use std::collections::BTreeMap;
 
@@ -10,14 +10,14 @@ use serde_json::Value;
 
 use crate::session::{Preset, Settings};
 
-/// How a session was processed, by the keys of session files; what is null there is as by default.
+/// The settings of a session's processing, by the keys of session files; null stands for the default.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SettingsReport {
     /// The estimator's settings.
     pub preset: Preset,
-    /// What is done about the ionosphere.
+    /// Treatment of the ionosphere.
     pub ionosphere: Ionosphere,
-    /// Sources of corrections from elsewhere.
+    /// Sources of corrections beside the products.
     pub sources: Vec<String>,
     /// The base's antenna, ECEF, m, where it was given.
     pub base_position_m: Option<[f64; 3]>,
@@ -25,7 +25,7 @@ pub struct SettingsReport {
     pub maximum_age_s: f64,
     /// Qualities of truth rows that count.
     pub truth_quality: Vec<u8>,
-    /// What is not used.
+    /// Satellites and signals that are not used.
     pub masks: Masks,
     /// How GnssLogger text is read.
     pub log: LogOptions,
@@ -63,7 +63,7 @@ const OWN_PLACE: [&str; 2] = ["correction.ionosphere", "correction.maximum_age_s
 
 fn changed(settings: &Settings) -> BTreeMap<String, Value> {
     let changes = settings.estimator.changes_from(settings.preset).into_iter();
-    // JSON has no infinite numbers: they are told as files have them.
+    // JSON has no infinite numbers: they are written as in session files.
     let json = |value: toml::Value| match value {
         toml::Value::Float(number) if !number.is_finite() => Value::String(value.to_string()),
         value => serde_json::to_value(&value).unwrap_or_else(|_| Value::String(value.to_string())),

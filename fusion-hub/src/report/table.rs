@@ -10,8 +10,8 @@ use super::{ConstraintReport, PhoneReport, Report};
 use crate::report::scores::ByPhone;
 
 impl Report {
-    /// The accuracy table of phones that are scored, and, when some are not, a table of what is known of all phones without a
-    /// truth; phones in the order of `names`.
+    /// The accuracy table of phones that are scored, and, when some are not, a table of the counts of all phones; phones in the order of
+    /// `names`.
     pub fn table(&self, names: &[String]) -> String {
         let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(5);
         let mut tables = Vec::new();
@@ -35,7 +35,7 @@ impl Report {
         text
     }
 
-    /// What constraints did, those of one kind with one time and the same bounds in one row; empty without any.
+    /// Counts of constraints, with a row for those of the same kind, time and bounds; empty without constraints.
     pub fn constraint_table(&self) -> String {
         let alike = self.alike_constraints();
         let width = alike.keys().map(|what| what.chars().count()).max().unwrap_or(0).max(10);
@@ -98,7 +98,7 @@ impl Report {
     }
 }
 
-/// Epochs by what RAIM says.
+/// Epochs by RAIM's verdict.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Verdicts {
     pub(crate) reliable: u64,

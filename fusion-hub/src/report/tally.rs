@@ -61,7 +61,7 @@ impl Tally {
         }
     }
 
-    /// Counts what these constraints do from now on; whether they ever act or not.
+    /// Counts these constraints from now on, whether they ever act or not.
     pub fn schedule(&mut self, constraints: &[ScheduledConstraint]) {
         self.constraints = ConstraintTally::new(constraints, &self.names);
     }
@@ -101,7 +101,7 @@ impl Tally {
         self.phones.get(phone).map_or(0, |tally| tally.report.epochs - tally.report.empty_epochs)
     }
 
-    /// The phones' reports, with what was skipped of each.
+    /// The phones' reports, with the skips of each.
     pub fn phones(&self, skips: impl Fn(usize) -> Skips) -> BTreeMap<String, PhoneReport> {
         let entry = |(index, (name, tally)): (usize, (&String, &PhoneTally))| {
             (name.clone(), tally.report(self.span, skips(index)))
@@ -120,7 +120,7 @@ impl Tally {
             .collect()
     }
 
-    /// What each constraint did.
+    /// Counts of each constraint.
     pub fn constraints(&self) -> BTreeMap<String, ConstraintReport> {
         self.constraints.reports()
     }

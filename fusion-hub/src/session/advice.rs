@@ -1,4 +1,4 @@
-//! What to write instead, where a session file has another form than it should.
+//! Advice for mistakes in session files: what to write instead.
 
 use cofix_agent::settings::{LogOptions, Masks};
 use cofix_common::constraint::Constraint;
@@ -11,15 +11,15 @@ use serde::de::DeserializeOwned;
 use super::constraint::ConstraintEntry;
 use super::text::{EvaluationTable, PhoneEntry, ProductsTable, SessionFile};
 
-/// Names at least so similar (Jaro-Winkler, 0 to 1) are taken for typing errors.
+/// Least similarity (Jaro-Winkler, 0 to 1) at which a name is taken for a typing error.
 const SIMILAR: f64 = 0.75;
-/// Names at least so similar are, even where the word as it is written belongs elsewhere.
+/// The same where the name as it is written is a key elsewhere.
 const NEARLY_THE_SAME: f64 = 0.95;
 
-/// Keys that there may be several of, each with two brackets.
+/// Names of tables of which there may be several, each in two brackets.
 const LISTS_OF_TABLES: [&str; 2] = ["phone", "constraint"];
 
-/// Advice on what the TOML parser says of `text`, if there is any.
+/// Advice on the TOML parser's error in `text`, if there is any.
 pub(super) fn advice(error: &toml::de::Error, text: &str) -> Option<String> {
     let message = error.message();
     if let Some(advice) = on_doubled_brackets(text) {
@@ -51,7 +51,7 @@ pub(super) fn advice(error: &toml::de::Error, text: &str) -> Option<String> {
     place.on_syntax()
 }
 
-/// Two brackets around the name of a table of which there is one.
+/// Advice on two brackets around the name of a single table.
 fn on_doubled_brackets(text: &str) -> Option<String> {
     let doubled = |line: &str| {
         let name = line.trim().strip_prefix("[[")?.split("]]").next()?.trim().to_owned();
@@ -69,11 +69,11 @@ fn on_doubled_brackets(text: &str) -> Option<String> {
     })
 }
 
-/// Where the parser stopped.
+/// The place where the parser stopped.
 struct Place<'a> {
-    /// The key, if one is to be seen before it.
+    /// The key before it, if there is one.
     key: Option<&'a str>,
-    /// The text that it is about.
+    /// The text of the error.
     value: &'a str,
 }
 
@@ -127,7 +127,7 @@ impl<'a> Place<'a> {
         None
     }
 
-    /// What is no TOML: a text without quotes, for one.
+    /// Advice on invalid TOML, such as text without quotes.
     fn on_syntax(&self) -> Option<String> {
         let Self { key, value } = self;
         let word = first_line(value);
@@ -212,12 +212,12 @@ fn tables() -> Vec<(String, Vec<String>)> {
     ]
 }
 
-/// The keys of a table, as its own refusal of another one lists them.
+/// The keys of a table, as its refusal of an unknown key lists them.
 fn keys<T: DeserializeOwned>() -> Vec<String> {
     toml::from_str::<T>("\"\" = 0").err().map(|error| listed(error.message())).unwrap_or_default()
 }
 
-/// What a message lists as expected.
+/// The names that a message lists as expected.
 fn listed(message: &str) -> Vec<String> {
     let expected = message.split_once("expected").map_or("", |(_, expected)| expected);
     expected.split('`').skip(1).step_by(2).map(str::to_owned).collect()

@@ -1,4 +1,4 @@
-//! A `[[constraint]]` as it is written: what constraints of all kinds have, and the keys of its own kind.
+//! A `[[constraint]]` as it is written: the keys of all constraints, and those of its kind.
 
 use std::fmt;
 use std::sync::LazyLock;
@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use cofix_common::constraint::Constraint;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor};
 
-/// The keys of all kinds together: those that every constraint has come first.
+/// The keys of all kinds together, beginning with those of every constraint.
 static KEYS: LazyLock<Vec<&str>> = LazyLock::new(|| {
     let mut keys = vec!["kind", "phones", "from_gps", "to_gps"];
     for key in Constraint::KINDS.iter().flat_map(|kind| Constraint::keys(kind)) {
@@ -29,7 +29,7 @@ pub(super) struct ConstraintEntry {
 }
 
 impl ConstraintEntry {
-    /// The constraint, of phones that are yet to be said.
+    /// The constraint, without its phones.
     pub(super) fn constraint(&self) -> Result<Constraint, String> {
         self.refuse_keys_of_other_kinds()?;
         let mut table = toml::Table::new();

@@ -32,7 +32,7 @@ pub fn inputs(file: &Path, session: &Session) -> Vec<Named> {
     inputs
 }
 
-/// Those that a live hub reads: the rest is the agents'.
+/// The files that a live hub reads: the others are the agents'.
 pub fn live_inputs(file: &Path, session: &Session) -> Vec<Named> {
     let truth = |phone: &crate::session::SessionPhone| {
         Some(Named::new(&format!("the truth of {}", phone.name), phone.truth.as_deref()?))

@@ -89,12 +89,12 @@ use cofix_common::settings::{CorrectionKeys, Settings as Estimator};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::check_name;
 
-/// A session that makes sense.
+/// A checked session.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Session {
     /// The group's name.
     pub group: String,
-    /// Orbits and the rest; paths are absolute or relative to the working directory.
+    /// Products; paths are absolute or relative to the working directory.
     pub products: ProductFiles,
     /// The phones, in the order of the file; constraints refer to them by index.
     pub phones: Vec<SessionPhone>,
@@ -102,20 +102,20 @@ pub struct Session {
     pub constraints: Vec<ScheduledConstraint>,
     /// Qualities of truth rows that count.
     pub truth_quality: Vec<u8>,
-    /// How it is processed.
+    /// The settings of its processing.
     pub settings: Settings,
 }
 
-/// How a session is processed.
+/// The settings of a session's processing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settings {
     /// The preset that the estimator's settings began with.
     pub preset: Preset,
     /// The estimator's settings, of agents and hub.
     pub estimator: Estimator,
-    /// Corrections from elsewhere, for all phones.
+    /// Sources of corrections beside the products, for all phones.
     pub corrections: Corrections,
-    /// What is not used.
+    /// Satellites and signals that are not used.
     pub masks: Masks,
     /// How GnssLogger text is read.
     pub log: LogOptions,
@@ -125,7 +125,7 @@ impl Settings {
     /// The agents' settings and the hub's.
     ///
     /// # Errors
-    /// A mask that makes no sense.
+    /// Invalid mask.
     pub fn options(&self) -> Result<(PipelineOptions, EngineOptions), MaskError> {
         let mut pipeline = self.estimator.pipeline();
         pipeline.correction = self.masks.apply(pipeline.correction)?;
@@ -164,7 +164,7 @@ pub struct SessionPhone {
     pub shift_weeks: Option<i64>,
     /// An instant within three days of the recording's beginning.
     pub date: Option<GpsTime>,
-    /// What is not used of it, beside what the masks exclude for all phones.
+    /// Satellites and signals of it that are not used, beside those that the masks exclude for all phones.
     pub exclude: Vec<Exclusion>,
 }
 
@@ -184,15 +184,15 @@ pub enum SessionError {
     Text {
         /// The file.
         path: PathBuf,
-        /// What the parser says, with line and key.
+        /// The parser's message, with line and key.
         message: String,
     },
-    /// Well-formed, but it makes no sense.
+    /// Well-formed, but invalid.
     #[error("{}: {reason}", path.display())]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// What is wrong and what would be right.
+        /// The mistake and its remedy.
         reason: String,
     },
 }
@@ -231,7 +231,7 @@ impl Session {
     }
 }
 
-/// What the parser says, with what to write instead.
+/// The parser's message, with advice on what to write instead.
 fn with_advice(error: &toml::de::Error, text: &str) -> String {
     let message = error.to_string().trim_end().to_owned();
     match advice::advice(error, text) {

@@ -42,7 +42,7 @@ pub(super) struct SessionFile {
 }
 
 impl SessionFile {
-    /// What it gives of the settings tree.
+    /// Its part of the settings tree.
     pub(super) fn settings(&self) -> SettingsKeys {
         SettingsKeys {
             correction: self.correction.clone(),

@@ -39,7 +39,7 @@ pub fn read_truths(phones: &[SessionPhone]) -> anyhow::Result<(NamedTruths, Skip
     Ok((truths, skips))
 }
 
-/// Reads a phone's truth of any format; one without a date takes it from the phone's date or recording.
+/// Reads a phone's truth of any format; a truth without a date takes it from the phone's date or recording.
 fn read_truth(path: &Path, phone: &SessionPhone, skips: &mut Skips) -> anyhow::Result<Truth> {
     let unreadable = || format!("{}: cannot read the truth file", path.display());
     let bytes = std::fs::read(path).with_context(unreadable)?;
@@ -83,7 +83,7 @@ fn recorded_near(phone: &SessionPhone) -> anyhow::Result<GpsTime> {
     }
 }
 
-/// Adds counts under the name of what was being done, and the place to the first instances.
+/// Adds counts, with `doing` before their reasons and `place` before their first instances.
 pub(crate) fn merge_named(skips: &mut Skips, doing: &str, more: &Skips, place: &str) {
     skips.merge(&more.with_prefix(&format!("{doing}: ")).with_place(place));
 }

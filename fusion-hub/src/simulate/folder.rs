@@ -1,4 +1,4 @@
-//! A folder that gets all files of a sample, or none.
+//! A folder that gets either all files of a sample or none.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -7,21 +7,21 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
-/// Files under way, each under a name of this process's own until all are complete.
+/// Files being written, each under a temporary name of this process until all are complete.
 #[derive(Debug)]
 pub(super) struct Folder {
     path: PathBuf,
     /// Folders that were made for it, the innermost first.
     made: Vec<PathBuf>,
-    /// Under way, and what they become.
+    /// Temporary paths, and the paths that they become.
     files: Vec<(PathBuf, PathBuf)>,
 }
 
-/// What takes text.
+/// A function that takes text.
 pub(super) type Put<'a> = dyn FnMut(&str) -> std::io::Result<()> + 'a;
 
 impl Folder {
-    /// Makes sure that the folder is there and that no file of these names is, unless it may be replaced.
+    /// Creates the folder, if it is not there, and checks that no file of these names is there, unless it may be replaced.
     pub(super) fn open(path: &Path, names: &[String], overwrite: bool) -> anyhow::Result<Self> {
         let at = |name: &String| path.join(name);
         if let Some(folder) = names.iter().map(at).find(|file| file.is_dir()) {
@@ -47,7 +47,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Writes a file by `fill`, which is given what takes its text.
+    /// Writes a file by `fill`, which is given a function that takes its text.
     pub(super) fn write(
         &mut self,
         name: &str,

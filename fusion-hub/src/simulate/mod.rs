@@ -1,7 +1,6 @@
 //! `simulate`: a scenario as files, for this system and for others.
 //!
-//! For every phone RINEX 3.05 observations and a truth table, the navigation messages of all satellites, and a session
-//! file that brings them together. A sample of one scenario, seed and version is the same byte for byte.
+//! For every phone RINEX 3.05 observations and a truth table, the navigation messages of all satellites, and a session file of them. A sample of one scenario, seed and version is the same byte for byte.
 
 mod folder;
 mod sample;
@@ -41,7 +40,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
+    /// All scenarios.
     pub const ALL: [Self; 4] = [Self::Convoy, Self::Car, Self::Canyon, Self::Static];
 
     /// The name on the command line.
@@ -90,7 +89,7 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// The scenario that they ask for.
+    /// The requested scenario.
     pub fn scenario(&self) -> Scenario {
         let scenario = self.scenario.scenario(self.phones);
         Scenario { seed: self.seed, duration_s: self.duration, ..scenario }

@@ -87,7 +87,7 @@ impl Sample<'_> {
         })
     }
 
-    /// The session file; `command` is what wrote the sample.
+    /// The session file; `command` is the command line that wrote the sample.
     pub(super) fn session(&self, command: &str) -> io::Result<String> {
         let mut text = format!(
             "# Simulated by: {command}\n# Nobody was there. The bounds below are those that the simulated truth keeps.\n\

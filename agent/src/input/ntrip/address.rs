@@ -8,16 +8,16 @@ use base64::prelude::BASE64_STANDARD;
 
 use crate::input::tls::Trust;
 
-/// The port of a caster that names none.
+/// The default port.
 const USUAL_PORT: u16 = 2_101;
-/// The same with TLS: that of HTTPS, where most casters have it.
+/// The default port with TLS: that of HTTPS, which most casters use.
 const USUAL_TLS_PORT: u16 = 443;
 const SCHEME: &str = "ntrip://";
 const TLS_SCHEME: &str = "ntrips://";
 /// Longest name of a host or mount point.
 const LONGEST_NAME: usize = 255;
 
-/// Text that names no caster, or no stream of it.
+/// Invalid address of a caster or a stream.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "'{shown}': {reason}; write ntrip://USER:PASSWORD@HOST:PORT/MOUNT, with %40 for @, %3A for : and %2F for / in user and password"
@@ -35,7 +35,7 @@ pub struct Caster {
     /// Its port.
     pub port: u16,
     account: Option<Account>,
-    /// Who may vouch for it, when it is spoken to in TLS.
+    /// Trusted certificates, when the connection is in TLS.
     trust: Option<Trust>,
 }
 
@@ -79,18 +79,18 @@ impl Caster {
         self.account.as_ref().map(|account| account.user.as_str())
     }
 
-    /// Who may vouch for it; `None` when it is spoken to without TLS.
+    /// Trusted certificates; `None` for a connection without TLS.
     pub const fn trust(&self) -> Option<&Trust> {
         self.trust.as_ref()
     }
 
-    /// The same caster with others who may vouch for it; one without TLS stays as it is.
+    /// The same caster with other trusted certificates; of effect in TLS only.
     #[must_use]
     pub fn trusting(self, trust: &Trust) -> Self {
         Self { trust: self.trust.map(|_| trust.clone()), ..self }
     }
 
-    /// How its addresses begin.
+    /// The scheme of its addresses.
     pub(super) const fn scheme(&self) -> &'static str {
         if self.trust.is_some() { TLS_SCHEME } else { SCHEME }
     }
@@ -135,7 +135,7 @@ fn host_and_port(server: &str, usual_port: u16) -> Option<(String, u16)> {
     is_name(host).then(|| (host.to_owned(), port))
 }
 
-/// Whether a name can go into a request as it is.
+/// Whether a name can be put into a request unchanged.
 fn is_name(text: &str) -> bool {
     (1..=LONGEST_NAME).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_graphic())
 }
@@ -168,7 +168,7 @@ fn unescape(text: &str) -> Option<String> {
 impl FromStr for Caster {
     type Err = CasterError;
 
-    /// Reads `ntrip://USER:PASSWORD@HOST:PORT` or `ntrips://…`; a mount point behind it is of no effect.
+    /// Reads `ntrip://USER:PASSWORD@HOST:PORT` or `ntrips://…`; a mount point after it is ignored.
     fn from_str(text: &str) -> Result<Self, CasterError> {
         Self::with_mount(text).map(|(caster, _)| caster)
     }

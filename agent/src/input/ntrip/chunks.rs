@@ -1,17 +1,17 @@
-//! HTTP's chunked transfer coding (RFC 9112, 7.1), undone as bytes come.
+//! Decoder of HTTP's chunked transfer coding (RFC 9112, 7.1).
 
-/// A line with a chunk's size may be so long, extensions included.
+/// Longest line with a chunk's size, including extensions.
 const LONGEST_LINE: usize = 1_024;
 
-/// What is not chunked although it should be.
+/// Damaged chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the caster's chunked reply is damaged")]
 pub(super) struct Damaged;
 
-/// A body whose length is told chunk by chunk.
+/// A body in chunks, each with its length.
 #[derive(Debug, Default)]
 pub(super) struct Chunks {
-    /// What is not decided yet: a part of a size line, or of the line end behind a chunk.
+    /// Bytes not decoded yet: a part of a size line, or of the line end after a chunk.
     pending: Vec<u8>,
     expected: Expected,
 }
@@ -26,7 +26,7 @@ enum Expected {
 }
 
 impl Chunks {
-    /// Takes bytes as they come and appends what they carry.
+    /// Takes bytes as they arrive and appends their content.
     pub(super) fn feed(&mut self, mut bytes: &[u8], out: &mut Vec<u8>) -> Result<(), Damaged> {
         while !bytes.is_empty() {
             match self.expected {
@@ -51,12 +51,12 @@ impl Chunks {
         Ok(())
     }
 
-    /// Whether the last chunk has come.
+    /// Whether the last chunk has arrived.
     pub(super) fn is_complete(&self) -> bool {
         self.expected == Expected::Nothing
     }
 
-    /// Looks whether what is pending is complete.
+    /// Decodes the pending bytes when they are complete.
     fn line(&mut self) -> Result<(), Damaged> {
         if self.expected == Expected::LineEnd {
             match self.pending.as_slice() {

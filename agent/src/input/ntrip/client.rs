@@ -17,48 +17,48 @@ use crate::input::{PORTION_BYTES, tcp, tls};
 
 /// Longest wait for a caster's reply.
 const REPLY: Duration = Duration::from_secs(10);
-/// How often a caster hears where the rover is.
+/// Interval at which a caster is sent the rover's position.
 const REPORT: Duration = Duration::from_secs(10);
 
-/// So long a stream that was granted may be silent before a word is said, where no position was told.
+/// Silence of a granted stream after which it is logged that the caster may wait for a position.
 const SILENCE: Duration = Duration::from_secs(10);
 /// Distance of a rover from the Earth's centre, m: from the bottom of the sea at a pole to an aeroplane at the equator.
 const RADIUS_BOUNDS_M: std::ops::RangeInclusive<f64> = 6.33e6..=6.41e6;
-/// What to do about a caster that waits for a position.
+/// Advice for a caster that waits for a position.
 const NO_POSITION: &str = "no position could be told to the caster, and some send nothing before they know it: give --approximate-position \
                            LATITUDE,LONGITUDE,HEIGHT";
 
-/// What to do about a caster that answers in TLS.
+/// Advice for a caster that answers in TLS.
 pub(super) const SPEAKS_TLS: &str =
     "the caster speaks TLS at this port: write ntrips:// in place of ntrip://";
 
-/// What to do about a web server.
+/// Advice for a web server.
 const WEB_PAGE: &str = "a web page is answered in place of a stream: is this the caster's port?";
 
-/// Where the rover is, as far as that is known. Clones share it.
+/// The rover's position, if it is known. Clones share it.
 #[derive(Clone, Debug, Default)]
 pub struct RoverPosition(Arc<Mutex<Option<Ecef>>>);
 
 impl RoverPosition {
-    /// Tells it.
+    /// Sets it.
     pub fn set(&self, position: Ecef) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(position);
     }
 
-    /// Tells an approximate one, where none is known and this is one: headers may have zeros.
+    /// Sets an approximate position, where none is known and `position` is near the Earth's surface: headers may have zeros.
     pub fn suppose(&self, position: Option<Ecef>) {
         let position = position.filter(|position| RADIUS_BOUNDS_M.contains(&position.0.norm()));
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         *known = known.or(position);
     }
 
-    /// The last one told.
+    /// The last position set.
     pub fn get(&self) -> Option<Ecef> {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// How a caster is spoken to.
+/// The revision of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Revision {
     First,
@@ -73,7 +73,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// A client that tells the caster where `rover` is.
+    /// A client that sends the caster the position of `rover`.
     pub const fn new(mount: Mount, rover: RoverPosition) -> Self {
         Self { mount, rover, revision: Revision::Second }
     }
@@ -102,7 +102,7 @@ impl Client {
     }
 }
 
-/// What to do about a refused account.
+/// Advice for a refused account.
 pub(super) fn unauthorized(caster: &Caster, said: &str) -> String {
     if let Some(user) = caster.user() {
         return format!("the caster refuses user '{user}' ({said}): check user, password and their rights");
@@ -148,7 +148,7 @@ fn sentence_now(position: Ecef) -> String {
     gga::sentence(position, clock::now())
 }
 
-/// A connection to a caster, be it within TLS or not.
+/// A connection to a caster, in TLS or not.
 pub(super) trait Wire: Read + Write {}
 
 impl<T: Read + Write> Wire for T {}
@@ -161,7 +161,7 @@ pub(super) fn connect(caster: &Caster, stop: &Stop) -> Result<Box<dyn Wire>, Dia
     })
 }
 
-/// The request for a path. A position goes into it as revision 2 has it.
+/// The request for a path, with the position in revision 2's header.
 pub(super) fn request(caster: &Caster, path: &str, revision: Revision, gga: Option<&str>) -> String {
     let mut lines = match revision {
         Revision::First => vec![format!("GET {path} HTTP/1.0")],
@@ -178,7 +178,7 @@ pub(super) fn request(caster: &Caster, path: &str, revision: Revision, gga: Opti
     lines.join("\r\n")
 }
 
-/// Reads a caster's reply; and what came of its data with it.
+/// Reads a caster's reply, and the part of its data that arrived with it.
 pub(super) fn await_reply(
     wire: &mut dyn Wire,
     caster: &Caster,
@@ -212,7 +212,7 @@ fn without_reply(caster: &Caster) -> String {
     format!("the caster closed the connection without a reply{perhaps}")
 }
 
-/// The data of a reply, freed of the transfer's coding.
+/// The data of a reply, without the transfer coding.
 #[derive(Debug)]
 pub struct Body {
     chunks: Option<Chunks>,
@@ -222,12 +222,12 @@ pub struct Body {
 }
 
 impl Body {
-    /// Of a reply that comes in chunks, or as it is.
+    /// For a reply in chunks, or without coding.
     pub fn new(chunked: bool) -> Self {
         Self { chunks: chunked.then(Chunks::default), ready: Vec::new(), given: 0, damaged: false }
     }
 
-    /// Takes bytes as they came.
+    /// Takes bytes as they arrived.
     pub fn take(&mut self, bytes: &[u8]) {
         match &mut self.chunks {
             None => self.ready.extend_from_slice(bytes),
@@ -235,7 +235,7 @@ impl Body {
         }
     }
 
-    /// Gives what is ready, and how many bytes that is.
+    /// Moves the decoded bytes to the buffer; returns their number.
     pub fn give(&mut self, buffer: &mut [u8]) -> usize {
         let ready = self.ready.get(self.given..).unwrap_or_default();
         let count = ready.len().min(buffer.len());
@@ -250,10 +250,10 @@ impl Body {
         count
     }
 
-    /// Whether nothing more comes although the connection may stay.
+    /// Whether the body is complete, although the connection may stay.
     ///
     /// # Errors
-    /// When what came last is damaged.
+    /// When the last bytes are damaged.
     pub fn is_complete(&self) -> io::Result<bool> {
         if self.damaged {
             return Err(io::Error::new(io::ErrorKind::InvalidData, Damaged));
@@ -270,7 +270,7 @@ struct Stream {
     reported: Option<Instant>,
     raw: Vec<u8>,
     name: String,
-    /// Since when nothing has come at all; `None` once something has, or it was said.
+    /// Since when no byte has arrived at all; `None` once a byte has arrived, or the silence was logged.
     silent_since: Option<Instant>,
 }
 
@@ -280,7 +280,7 @@ impl Stream {
         Self { wire, body, rover, reported: None, raw, name, silent_since }
     }
 
-    /// Says once that the caster may wait for a position.
+    /// Logs once that the caster may wait for a position.
     fn say_silence(&mut self) {
         let is_long = self.silent_since.is_some_and(|since| since.elapsed() >= SILENCE);
         if is_long && self.reported.is_none() {
@@ -289,7 +289,7 @@ impl Stream {
         }
     }
 
-    /// Tells the caster where the rover is, when that is due.
+    /// Sends the rover's position to the caster, when that is due.
     fn report(&mut self) -> io::Result<()> {
         let is_due = self.reported.is_none_or(|at| at.elapsed() >= REPORT);
         if let Some(position) = self.rover.get().filter(|_| is_due) {

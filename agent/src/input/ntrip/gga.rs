@@ -4,7 +4,7 @@ use cofix_common::frames::Ecef;
 use cofix_common::time::GpsTime;
 use cofix_common::time::leap_seconds_at;
 
-/// The sentence for a position at an instant. The geoid's height is not known here: the height above the ellipsoid stands for that above the
+/// The sentence for a position at an instant. The geoid's height is not known here: the height above the ellipsoid is given as that above the
 /// sea, with a geoid separation of zero, so that their sum is right. Number of satellites and dilution of precision are those of an
 /// ordinary fix.
 pub(super) fn sentence(position: Ecef, time: GpsTime) -> String {

@@ -1,19 +1,19 @@
-//! A caster's reply, up to where its data begin.
+//! A caster's reply, up to the beginning of its data.
 
 use httparse::Status;
 
-/// A reply's head is shorter than this.
+/// Longest head of a reply, bytes.
 const LONGEST_HEAD: usize = 16_384;
 const MOST_HEADERS: usize = 64;
-/// Texts of a caster are shown so far.
+/// Longest part of a caster's text that is shown.
 const SHOWN: usize = 80;
-/// How an alert of TLS begins (RFC 8446, 5.1 and 6): the answer to a request in the clear.
+/// The first bytes of an alert of TLS (RFC 8446, 5.1 and 6): the answer to a request in the clear.
 const TLS_ALERT: &[u8] = &[21, 3];
 
-/// What a caster answers.
+/// The answer of a caster.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// What was asked for follows.
+    /// The requested stream follows.
     Stream {
         /// In chunks.
         chunked: bool,
@@ -23,7 +23,7 @@ pub enum Reply {
         /// In chunks.
         chunked: bool,
     },
-    /// A page for people: no caster, or one that takes us for a browser.
+    /// A web page: the server is no caster, or takes the agent for a browser.
     WebPage {
         /// In chunks.
         chunked: bool,
@@ -36,11 +36,11 @@ pub enum Reply {
     NotUnderstood(String),
     /// It speaks TLS at this port.
     Tls,
-    /// It says something else.
+    /// Another answer.
     Other(String),
 }
 
-/// Where the data begin, and what was answered. `None` until more bytes come. `ended`: no more will.
+/// The answer, and the position where its data begin. `None` when more bytes are needed. `ended`: no more will arrive.
 pub fn read_reply(bytes: &[u8], ended: bool) -> Option<(Reply, usize)> {
     if bytes.starts_with(TLS_ALERT) {
         return Some((Reply::Tls, bytes.len()));
@@ -63,12 +63,12 @@ pub fn read_reply(bytes: &[u8], ended: bool) -> Option<(Reply, usize)> {
     }
 }
 
-/// Whether the first line has come, and grants nothing.
+/// Whether the first line is complete and grants nothing.
 fn is_refusal(response: &httparse::Response<'_, '_>) -> bool {
     response.code.is_some_and(|code| code != 200) && response.reason.is_some()
 }
 
-/// The replies of revision 1, which are no HTTP.
+/// The replies of revision 1, which are not HTTP.
 fn first_revision(bytes: &[u8]) -> Option<(Reply, usize)> {
     let end = bytes.iter().position(|byte| *byte == b'\n')? + 1;
     let line = bytes.get(..end)?;
@@ -86,8 +86,7 @@ fn first_revision(bytes: &[u8]) -> Option<(Reply, usize)> {
     Some((if is_password { Reply::Unauthorized(text) } else { Reply::Other(text) }, end))
 }
 
-/// Length of header lines and the empty line behind them, as far as they are there: some casters of revision 1 send them, some
-/// do not. Binary data look like neither.
+/// Length of header lines and the empty line after them, where there are some: not all casters of revision 1 send them. Binary data look like neither.
 fn header_length(bytes: &[u8]) -> usize {
     let mut length = 0;
     for line in bytes.split_inclusive(|byte| *byte == b'\n') {
@@ -123,7 +122,7 @@ fn second_revision(response: &httparse::Response<'_, '_>) -> Reply {
     }
 }
 
-/// The beginning of what a caster said, printable.
+/// The beginning of a caster's text, printable.
 pub(super) fn shown(bytes: &[u8]) -> String {
     let line = bytes.split(|byte| *byte == b'\n').next().unwrap_or_default().trim_ascii();
     let start = line.get(..line.len().min(SHOWN)).unwrap_or_default();

@@ -9,9 +9,9 @@ use super::reply::{Reply, shown};
 use crate::Stop;
 use crate::input::connection::{DialError, is_no_news};
 
-/// The largest known ones have some hundred kilobytes.
+/// Largest sourcetable, bytes; the largest known have some hundred kilobytes.
 const MOST_BYTES: usize = 16 << 20;
-/// Names in a line with a longer one are not believed, and columns stay narrower than this, bytes.
+/// Longest name of a mount point, bytes: lines with longer names are skipped, and columns stay narrower.
 const LONGEST_FIELD: usize = 255;
 /// Longest time without a byte.
 const SILENCE: Duration = Duration::from_secs(10);
@@ -30,7 +30,7 @@ pub struct SourcetableError {
 pub struct Sourcetable {
     /// In the caster's order.
     pub streams: Vec<StreamEntry>,
-    /// Lines that say they describe a stream and do not.
+    /// Lines of streams that cannot be read.
     pub damaged_lines: u64,
 }
 
@@ -49,7 +49,7 @@ pub struct StreamEntry {
     pub country: String,
     /// Latitude and longitude, degrees; `None` where they cannot be read.
     pub place_deg: Option<(f64, f64)>,
-    /// Whether the caster must hear where the rover is.
+    /// Whether the caster needs the rover's position.
     pub wants_position: bool,
 }
 
@@ -112,7 +112,7 @@ fn ends(table: &[u8]) -> bool {
 }
 
 impl Sourcetable {
-    /// Reads the table's lines; those of casters and networks are passed over.
+    /// Reads the table's lines; those of casters and networks are ignored.
     pub fn parse(text: &str) -> Self {
         let mut table = Self::default();
         for line in text.lines().filter(|line| line.starts_with("STR;")) {
@@ -150,7 +150,7 @@ impl StreamEntry {
     }
 }
 
-/// A caster's text without what a terminal would obey.
+/// A caster's text without control characters.
 fn printable(text: &str) -> String {
     text.chars().filter(|character| !character.is_control()).collect()
 }

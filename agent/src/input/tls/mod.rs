@@ -1,4 +1,4 @@
-//! TLS around a connection (versions 1.3 and 1.2: RFC 8446, RFC 5246). The server shows a certificate; nothing is sent before it is believed.
+//! TLS around a connection (versions 1.3 and 1.2: RFC 8446, RFC 5246). Nothing is sent before the server's certificate has been verified.
 
 mod trust;
 
@@ -18,10 +18,10 @@ pub use trust::{Trust, TrustError};
 
 /// Longest wait for the end of the handshake.
 const HANDSHAKE: Duration = Duration::from_secs(10);
-/// What to do where a server does not seem to speak TLS.
+/// Advice for a server that does not seem to speak TLS.
 const PERHAPS_PLAIN: &str = "is this its port for TLS? one without is written ntrip://";
 
-/// Connects to a host, which has to prove its name. Reads return within [`super::LOOK`].
+/// Connects to a host and verifies its name. Reads return within [`super::LOOK`].
 pub(super) fn open(host: &str, port: u16, trust: &Trust, stop: &Stop) -> Result<Secured, DialError> {
     let config = trust.client_config().map_err(DialError::Refused)?;
     let name = ServerName::try_from(host.trim_matches(['[', ']']).to_owned())
@@ -30,7 +30,7 @@ pub(super) fn open(host: &str, port: u16, trust: &Trust, stop: &Stop) -> Result<
     Secured::over(tcp, config, name, stop)
 }
 
-/// A connection whose other end has proved its name.
+/// A connection to a server whose name has been verified.
 pub(super) struct Secured {
     tcp: TcpStream,
     session: ClientConnection,
@@ -62,7 +62,7 @@ impl Secured {
         Ok(secured)
     }
 
-    /// Writes what is due, or else reads once.
+    /// Writes pending bytes, or else reads once.
     fn turn(&mut self) -> io::Result<()> {
         if self.session.wants_write() {
             return self.session.write_tls(&mut self.tcp).map(drop);
@@ -77,7 +77,7 @@ impl Secured {
         })
     }
 
-    /// What has been decrypted and waits.
+    /// Takes decrypted bytes that wait.
     fn waiting(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self.session.reader().read(buffer) {
             // A stream has no end of its own: it does not matter whether the server took its leave.
@@ -117,7 +117,7 @@ fn failed(reason: &str) -> DialError {
     DialError::Failed(reason.to_owned())
 }
 
-/// Why the handshake failed, and what to do.
+/// The reason why the handshake failed, with advice.
 fn explained(error: &io::Error) -> DialError {
     if matches!(error.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::ConnectionReset) {
         return failed(&format!(
@@ -136,7 +136,7 @@ fn explained(error: &io::Error) -> DialError {
     }
 }
 
-/// What to do about a certificate.
+/// Advice for a refused certificate.
 fn distrusted(fault: &CertificateError) -> DialError {
     use CertificateError as Fault;
     match fault {

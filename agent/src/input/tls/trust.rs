@@ -1,4 +1,4 @@
-//! Whose certificates are believed.
+//! Trusted certificates.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,9 +10,9 @@ use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{ClientConfig, DigitallySignedStruct, Error, RootCertStore, SignatureScheme};
 
-/// Authorities of the system (or, where it names none, those that Mozilla lists), and certificates that the user gives besides. Of the
-/// latter each vouches as an authority, and for the server that shows that very certificate, whatever name and dates it has: a server that
-/// made its own needs no authority.
+/// Authorities of the system (or, where it has none, those that Mozilla lists), and certificates given by the user. Each of the latter is
+/// trusted as an authority, and as the certificate of a server itself, whatever its name and dates: a self-signed certificate needs no
+/// authority.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Trust {
     given: Vec<CertificateDer<'static>>,
@@ -29,20 +29,20 @@ pub enum TrustError {
         /// Why.
         cause: std::io::Error,
     },
-    /// It has none.
+    /// It has no certificate.
     #[error("{}: no certificate in it; write them as PEM (-----BEGIN CERTIFICATE-----)", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
     },
-    /// It has a damaged one.
+    /// It has a damaged certificate.
     #[error("{}: certificate {number} in it is damaged: {reason}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Which, from 1 on.
+        /// Its number, from 1 on.
         number: usize,
-        /// What is wrong.
+        /// The defect.
         reason: String,
     },
 }
@@ -67,10 +67,10 @@ impl Trust {
         Ok(Self { given })
     }
 
-    /// How connections of this trust are made.
+    /// The configuration of connections with this trust.
     ///
     /// # Errors
-    /// When nobody is trusted.
+    /// When there is no trusted certificate.
     pub(super) fn client_config(&self) -> Result<Arc<ClientConfig>, String> {
         let provider = Arc::new(ring::default_provider());
         let authorities =
@@ -96,7 +96,7 @@ impl Trust {
     }
 }
 
-/// Believes the given certificates themselves, and what the authorities vouch for.
+/// Accepts the given certificates themselves, and those that the authorities have signed.
 #[derive(Debug)]
 struct Verifier {
     given: Vec<CertificateDer<'static>>,

@@ -6,33 +6,33 @@ use cofix_common::wire::EpochMessage;
 
 use super::Finished;
 
-/// Most messages kept that came before their turn. Further ones are dropped: their agent has them.
+/// Most messages of a run that wait for their turn. Further ones are dropped: the agent keeps them.
 pub(super) const MAXIMUM_PARKED: usize = 1_024;
 
-/// What became of a message.
+/// The outcome of counting a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Counted {
     /// It is new and counts.
     New,
-    /// It was there already, which is no surprise when it was asked for.
+    /// It was there already, as is expected when it was asked for.
     Repeated {
         /// Whether it was among those asked for.
         asked_for: bool,
     },
-    /// It is new and there is no room for it until the ones before it have come.
+    /// It is new, and there is no room for it until those before it have arrived.
     TooEarly,
 }
 
-/// Epochs of a run that exist and are not here.
+/// Epochs of a run that exist and have not arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gap {
     /// The first sequence number that is missing.
     pub from: u64,
-    /// The first after it that is here, or does not exist yet.
+    /// The first after it that has arrived, or does not exist yet.
     pub to: u64,
-    /// Whether later epochs are here and wait.
+    /// Whether later epochs have arrived and wait.
     pub waited_on: bool,
-    /// The oldest epoch that its agent keeps, as far as it has said.
+    /// The oldest epoch that its agent keeps, as far as the agent has stated.
     pub kept_from: u64,
 }
 
@@ -42,28 +42,28 @@ pub(super) struct Run {
     next: u64,
     /// One more than the highest sequence number known to exist.
     exist: u64,
-    /// Messages that came before their turn; `None` for one that cannot be used.
+    /// Messages that arrived before their turn; `None` for an unusable message.
     parked: BTreeMap<u64, Option<EpochMessage>>,
     /// Up to which sequence number the agent's history was received.
     fetched_to: u64,
     kept_from: u64,
     /// How many have arrived.
     pub(super) received: u64,
-    /// How many are missing and not expected any more.
+    /// How many are missing and no longer expected.
     pub(super) lost: u64,
-    /// Whether its agent said that it started.
+    /// Whether its agent has stated that it started.
     pub(super) started: bool,
     pub(super) finished: Option<Finished>,
-    /// Whether its agent is gone without a word; it may speak again.
+    /// Whether its agent is gone without having finished; it may come back.
     pub(super) gone: bool,
     /// Place among the phone's runs by first message.
     rank: u64,
-    /// Whether it does not say who sends, so that nobody can be asked for what is missing.
+    /// Whether its sender is unknown, so that no agent can be asked for missing epochs.
     anonymous: bool,
 }
 
 impl Run {
-    /// One that is the phone's run number `rank`.
+    /// The phone's run number `rank`.
     pub(super) fn new(rank: u64, anonymous: bool) -> Self {
         Self { rank, anonymous, ..Self::default() }
     }
@@ -73,7 +73,7 @@ impl Run {
         self.rank
     }
 
-    /// Whether its agent started, did not say that it finished, and is there.
+    /// Whether its agent has started, has not finished, and is there.
     pub(super) const fn is_living(&self) -> bool {
         self.started && self.finished.is_none() && !self.gone
     }
@@ -112,7 +112,7 @@ impl Run {
         Counted::New
     }
 
-    /// Takes a message that counts; those whose turn it is go to `ready`.
+    /// Takes a message that counts; messages whose turn it is go to `ready`.
     pub(super) fn take(
         &mut self,
         sequence: u64,
@@ -133,7 +133,7 @@ impl Run {
         }
     }
 
-    /// What is missing before the next message, or at the end.
+    /// The gap before the next message, or at the end.
     pub(super) fn gap(&self) -> Option<Gap> {
         let parked = self.parked.keys().next().copied();
         let to = parked.unwrap_or(self.exist);
@@ -141,7 +141,7 @@ impl Run {
         (!self.anonymous && gap.from < gap.to).then_some(gap)
     }
 
-    /// Does not expect the missing epochs before sequence number `to` any more. How many they are.
+    /// Gives up the missing epochs before sequence number `to`. Returns their number.
     pub(super) fn skip(&mut self, to: u64, ready: &mut VecDeque<EpochMessage>) -> u64 {
         let Some(gap) = self.gap() else { return 0 };
         let to = to.clamp(gap.from, gap.to);

@@ -1,25 +1,24 @@
-//! What is asked of agents for the hub to have their runs from the first epoch on: when, how often, and when no more. No I/O, no clock of
-//! its own.
+//! When and how often agents are asked for missing epochs, and when these are given up. No I/O, no clock of its own.
 //!
-//! - An agent that appears is asked what it keeps of its run and what it has said of itself, until it answers.
+//! - An agent that appears is asked which epochs of its run it keeps, and for its statuses, until it answers.
 //! - A gap in a run that does not close by itself within a moment is asked for, in portions, one at a time; again when an answer ends
 //!   without progress.
-//! - What the agent says that it does not keep any more is given up; so is, live, a gap before later epochs that stays without progress for
-//!   as long as the group waits for a phone.
+//! - Epochs that the agent no longer keeps are given up; so is, live, a gap before later epochs that stays without progress for as long as the
+//!   group waits for a phone.
 //!
-//! The group waits for a phone whose gap is being closed as for any other ([`cofix_common::fusion::align`]). For one that it does not wait for, a gap that takes
-//! longer than that ([`Recovery::slow`]) is given up: its newest epochs count.
+//! The group waits for a phone whose gap is being closed as for any other ([`cofix_common::fusion::align`]). For a phone that it does not wait for, a gap that
+//! takes longer than that ([`Recovery::slow`]) is given up: its newest epochs count.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use crate::network::intake::{Gap, Intake};
 
-/// An agent that does not say what it keeps is not asked any more after this.
+/// Time after which an agent that does not state which epochs it keeps is no longer asked.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// So long a gap may take to close by itself: messages may be on their way.
+/// Time in which a gap may close by itself: messages may be in transit.
 const SETTLING: Duration = Duration::from_millis(100);
-/// A question that has brought nothing is asked again after this.
+/// Interval after which a question without progress is repeated.
 const RETRY: Duration = Duration::from_millis(500);
 /// Longest wait for the end of one answer.
 pub const ANSWER: Duration = Duration::from_secs(5);
@@ -31,11 +30,11 @@ const PORTION: u64 = 64;
 pub struct Question {
     /// The phone's index.
     pub phone: usize,
-    /// Which of its runs and which sequence numbers, first and one more than the last; `None`: whoever is there, and no epochs.
+    /// The sender of the run, the first sequence number, and one more than the last; `None`: all agents of the phone, and no epochs.
     pub epochs: Option<(String, u64, u64)>,
 }
 
-/// What is to be done.
+/// A step of recovery.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Ask.
@@ -44,7 +43,7 @@ pub enum Step {
     GiveUp {
         /// The phone's index.
         phone: usize,
-        /// Whose run.
+        /// The sender of the run.
         sender: String,
         /// One more than the last sequence number to give up.
         to: u64,
@@ -53,7 +52,7 @@ pub enum Step {
     },
 }
 
-/// An agent that appeared and has not said what it keeps.
+/// An agent that appeared and has not stated which epochs it keeps.
 #[derive(Debug)]
 struct Introduction {
     since: Duration,
@@ -63,14 +62,14 @@ struct Introduction {
 /// A gap that is being closed.
 #[derive(Debug)]
 struct Repair {
-    /// Where it begins, and since when.
+    /// Its first sequence number, and since when it begins there.
     from: u64,
     since: Duration,
     /// Since when there is a gap in the run.
     begun: Duration,
-    /// When it was last asked for, and where it began then.
+    /// When it was last asked for, and its first sequence number then.
     asked: Option<(Duration, u64)>,
-    /// Whether the answer goes on.
+    /// Whether the answer has not ended yet.
     pending: bool,
 }
 
@@ -104,7 +103,7 @@ impl Recovery {
         self.introductions.remove(&phone);
     }
 
-    /// The phone's agent said what it keeps.
+    /// The phone's agent stated which epochs it keeps.
     pub fn introduced(&mut self, phone: usize) {
         self.introductions.remove(&phone);
     }
@@ -123,7 +122,7 @@ impl Recovery {
         slow.map(|((phone, _), _)| *phone).collect()
     }
 
-    /// What is to be done at `now`.
+    /// The steps that are due at `now`.
     pub fn steps(&mut self, intake: &Intake, now: Duration) -> Vec<Step> {
         let mut steps = self.introduce(now);
         let mut repairs = BTreeMap::new();

@@ -4,7 +4,7 @@ use cofix_common::recording::PHONES;
 use rerun::external::re_log_types::EntityPathPart;
 use rerun::{Color, EntityPath};
 
-/// Where a position comes from.
+/// The origin of a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Method {
     /// Epoch-wise least squares of the agent.
@@ -18,9 +18,9 @@ pub(super) enum Method {
 }
 
 impl Method {
-    /// All that are drawn, the least important first.
+    /// All methods, in the order of drawing, the least important first.
     pub const ALL: [Self; 4] = [Self::Wls, Self::Local, Self::Joint, Self::Truth];
-    /// Those that have an error.
+    /// The methods whose errors are drawn.
     pub const SCORED: [Self; 3] = [Self::Wls, Self::Local, Self::Joint];
 
     /// The name in paths and legends.
@@ -58,7 +58,7 @@ pub(super) fn bound_colour() -> Color {
     Color::from_rgb(0xD5, 0x5E, 0x00)
 }
 
-/// Colours of things without a colour of their own, in turn.
+/// Colours of phones and pairs, in turn.
 pub(super) fn palette(index: usize) -> Color {
     const COLOURS: [(u8, u8, u8); 6] = [
         (0x56, 0xB4, 0xE9),
@@ -77,7 +77,7 @@ pub(super) fn path<'a>(parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
     EntityPath::new(parts.into_iter().map(EntityPathPart::new).collect())
 }
 
-/// The path of something of a phone.
+/// A path under a phone's.
 pub(super) fn phone_path<'a>(phone: &'a str, parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
     path([PHONES, phone].into_iter().chain(parts))
 }

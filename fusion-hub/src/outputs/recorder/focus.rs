@@ -1,4 +1,4 @@
-//! What the eye of the 3D view follows: an invisible box around the group.
+//! An invisible box around the group, which the eye of the 3D view follows.
 
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::LocalFrame;
@@ -46,7 +46,7 @@ impl Focus {
         self.rows.push(time_ns, Some(value));
     }
 
-    /// Writes what holds always.
+    /// Writes static data.
     pub fn write_style(file: &mut RrdFile) -> Result<(), RecorderError> {
         let invisible = Boxes3D::update_fields()
             .with_colors([Color::from_unmultiplied_rgba(0, 0, 0, 0)])

@@ -1,4 +1,4 @@
-//! What is recorded of the group: constraints that acted, distances with their bounds.
+//! The group's part of a recording: constraints that acted, distances with their bounds.
 
 use std::collections::BTreeMap;
 

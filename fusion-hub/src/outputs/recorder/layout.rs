@@ -16,9 +16,9 @@ use super::blueprint::{Entities, Node, View, entities, horizontal, tabs, vertica
 use super::entity::{Method, path, phone_path, subtree};
 use super::focus::focus_path;
 
-/// Where the eye of the 3D view is, from what it follows: only the direction counts.
+/// Position of the eye of the 3D view relative to its target: only the direction counts.
 const EYE_ENU_M: [f32; 3] = [0.0, -10.0, 20.0];
-/// C/N0 that phones see lies in here, dB-Hz.
+/// Range of the plots of C/N0, dB-Hz.
 const CN0_RANGE_DBHZ: [f64; 2] = [10.0, 55.0];
 
 /// The layout for the named phones and the recording's time span.

@@ -2,7 +2,7 @@
 //!
 //! # Contents
 //!
-//! The timeline is `gps_time`: GPS time, which Rerun shows as if it were UTC, with a `Z` that is not ours. Everything of a phone's own epoch is at the
+//! The timeline is `gps_time`: GPS time, which Rerun shows as if it were UTC, with a `Z`. Everything of a phone's own epoch is at the
 //! receive time of its message, everything after fusion at the common time of the group; errors are against
 //! the truth at the same instant. `<method>` is `wls`, `local`, `joint` or `truth`.
 //!
@@ -25,7 +25,7 @@
 //! | `/constraints/<constraint>/log` | `TextLog`, before → after |
 //! | `/distances/<a>–<b>/distance`, `…/sigma` | `Scalars`, m |
 //! | `/distances/<a>–<b>/minimum`, `…/maximum` | `Scalars`, m; no maximum when it is infinite |
-//! | `/focus` | `Boxes3D`, invisible: around the group, what the eye of the 3D view follows |
+//! | `/focus` | `Boxes3D`, invisible: around the group, followed by the eye of the 3D view |
 //! | `/accuracy` | `TextDocument`, the accuracy table in Markdown, static |
 //!
 //! Where a value ends (a phone without an epoch, a satellite that sets), one empty row follows, so that the
@@ -70,7 +70,7 @@ use crate::report::scores::Reference;
 /// Epochs between two writes. A crash loses at most these; fewer make a larger file.
 const EPOCHS_PER_SEGMENT: usize = 512;
 
-/// What a recording must know before its first epoch.
+/// The configuration of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecorderConfig {
     /// The group's name.
@@ -79,14 +79,14 @@ pub struct RecorderConfig {
     pub phones: Vec<String>,
 }
 
-/// What a finished recording amounts to.
+/// Figures of a finished recording.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     /// Epochs of the group.
     pub epochs: usize,
     /// Size of the file, bytes.
     pub bytes: u64,
-    /// What was not recorded.
+    /// Values that were not recorded.
     pub skips: Skips,
 }
 
@@ -102,13 +102,13 @@ pub struct Recorder {
     epochs: usize,
     /// Longest time that an epoch waits to be written.
     maximum_age: Option<Duration>,
-    /// When the oldest epoch that is not written came.
+    /// Arrival of the oldest epoch that is not written.
     unwritten_since: Option<Instant>,
     skips: Skips,
 }
 
 impl Recorder {
-    /// Creates the file; one that is there is replaced.
+    /// Creates the file; an existing file is replaced.
     ///
     /// # Errors
     /// When the file cannot be created or written.
@@ -141,13 +141,13 @@ impl Recorder {
         })
     }
 
-    /// Writes what is older than `age` when [`Recorder::tick`] is called: for live sessions, which may end by a power cut. The more
-    /// often, the larger the file.
+    /// Lets [`Recorder::tick`] write epochs older than `age`: for live sessions, which may end by a power cut. A smaller age makes a larger
+    /// file.
     pub fn write_after(&mut self, age: Duration) {
         self.maximum_age = Some(age);
     }
 
-    /// Looks at the clock, and writes what is due.
+    /// Writes the epochs that are due.
     ///
     /// # Errors
     /// When the file cannot be written. The recording is then incomplete.
@@ -198,12 +198,12 @@ impl Recorder {
         if self.epochs.is_multiple_of(EPOCHS_PER_SEGMENT) { self.write_segment() } else { Ok(()) }
     }
 
-    /// What was not recorded so far.
+    /// Values that were not recorded so far.
     pub fn skips(&self) -> &Skips {
         &self.skips
     }
 
-    /// Writes what is left, the whole tracks, the accuracy table (Markdown) and the layout; ends the file.
+    /// Writes the remaining rows, the whole tracks, the accuracy table (Markdown) and the layout; ends the file.
     ///
     /// # Errors
     /// When the file cannot be written to its end.

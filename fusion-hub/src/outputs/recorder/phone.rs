@@ -1,4 +1,4 @@
-//! All that is recorded of one phone.
+//! A phone's part of a recording.
 
 use cofix_common::frames::{Ecef, LocalFrame};
 use cofix_common::fusion::engine::FusedPhone;
@@ -16,7 +16,7 @@ use super::signals::Signals;
 use super::track::{Ellipsoid, Track, drawable, ellipsoid};
 use crate::report::scores::Reference;
 
-/// What a phone's epoch is recorded at.
+/// The frame and the times at which a phone's epoch is recorded.
 #[derive(Clone, Copy)]
 pub(super) struct Epoch<'a> {
     /// Local frame of the recording.
@@ -72,7 +72,7 @@ impl PhoneRecorder {
         }
     }
 
-    /// Writes what holds always.
+    /// Writes static data.
     pub fn write_style(&self, file: &mut RrdFile) -> Result<(), RecorderError> {
         self.tracks.iter().try_for_each(|track| track.write_style(file))
     }

@@ -35,7 +35,7 @@ impl<T> Rows<T> {
         self.values.extend(value);
     }
 
-    /// Takes what was collected since the last call; `None` when that is nothing.
+    /// Takes the rows collected since the last call; `None` when there are none.
     pub fn take_segment(&mut self) -> Option<Segment<T>> {
         if self.times_ns.is_empty() {
             return None;

@@ -1,6 +1,6 @@
-//! One `.rrd` file, written from the calling thread: every failure comes back from the call that met it.
+//! One `.rrd` file, written from the calling thread: every call returns its own failure.
 //!
-//! Rerun's own file sink writes in a thread of its own and only logs what goes wrong there, and its
+//! Rerun's own file sink writes in a thread of its own and only logs errors there, and its
 //! recording stream keeps the time per thread. A recorder needs neither: it builds chunks and encodes them.
 
 use std::fs::File;
@@ -25,7 +25,7 @@ pub enum RecorderError {
     Create {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// The file could not be written to its end.
@@ -114,7 +114,7 @@ impl RrdFile {
         self.append(&LogMsg::BlueprintActivationCommand(BlueprintActivationCommand::make_active(blueprint)))
     }
 
-    /// Hands everything to the operating system.
+    /// Flushes everything to the operating system.
     pub fn flush(&mut self) -> Result<(), RecorderError> {
         let Self { path, encoder, .. } = self;
         encoder.flush_blocking().map_err(|error| write_error(path, &error))

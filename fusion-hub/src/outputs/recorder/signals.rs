@@ -22,7 +22,7 @@ struct SignalSeries {
     last_epoch: u64,
 }
 
-/// All signals of a phone that were ever observed.
+/// All signals of a phone that have been observed.
 #[derive(Debug)]
 pub(super) struct Signals {
     phone: String,

@@ -32,7 +32,7 @@ struct Stretch {
     enu_m: Vec<[f32; 3]>,
 }
 
-/// All that is recorded of one phone's positions by one method.
+/// A recording's positions of one phone by one method.
 #[derive(Debug)]
 pub(super) struct Track {
     phone: String,
@@ -136,7 +136,7 @@ impl Track {
         last.is_some_and(|last| (last[1] - next.latitude_longitude_deg[1]).abs() > 180.0)
     }
 
-    /// Writes what holds always: colours, sizes, labels.
+    /// Writes static data: colours, sizes, labels.
     pub fn write_style(&self, file: &mut RrdFile) -> Result<(), RecorderError> {
         let colour = [self.method.colour()];
         let map = GeoPoints::update_fields()

@@ -1,13 +1,13 @@
-//! Constraints that were not what they were meant to be.
+//! Rules about constraints.
 
 use std::collections::BTreeSet;
 
 use super::{Finding, Several, Severity, percent, ratio};
 use crate::report::{ConstraintReport, Report};
 
-/// Refused at more of its epochs than this, a constraint is wrong, not a phone that has left for a while.
+/// Share of its epochs beyond which a refused constraint is wrong; below it, a phone may have left for a while.
 const MOSTLY: f64 = 0.5;
-/// Refused or still violated at more epochs than this is worth a word.
+/// Share of its epochs beyond which a refused or violated constraint is reported.
 const OFTEN: f64 = 0.02;
 
 /// A rule about single constraints.

@@ -1,23 +1,23 @@
-//! What was counted on the way and matters. Reasons are those under which agents and hub count.
+//! Rules about counts of skips. Reasons are those under which agents and hub count.
 
 use cofix_common::skips::{Reason, Skip, Skips};
 
 use super::{Finding, Several, Severity, percent, ratio};
 use crate::report::{PhoneReport, Report};
 
-/// Reasons of a phone, as a part of its observations.
+/// Reasons that matter by their share of a phone's observations.
 struct Share {
     reasons: &'static [Reason],
-    /// Whether what was counted is among the phone's observations, or was left out of them.
+    /// Whether the counted observations were left out of the phone's observations.
     left_out: bool,
-    /// Least part that is worth a word, and the one that is [`Severity::Wrong`].
+    /// Share beyond which it is reported, and share beyond which it is [`Severity::Wrong`].
     limits: (f64, f64),
     kind: &'static str,
     text: &'static str,
     advice: &'static str,
 }
 
-/// Reasons that matter however seldom they are.
+/// A reason that matters however seldom it is.
 struct Any {
     reason: Reason,
     severity: Severity,

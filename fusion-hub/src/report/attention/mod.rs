@@ -1,7 +1,7 @@
 //! What needs attention after a run, most harmful first: a report in, findings out. No I/O.
 //!
-//! A run that is wrong looks like one that is right: a truth in UTC, a constraint whose time has a typing error, a recording that was
-//! named twice. Each rule here looks at counts and scores for one such thing. What was merely skipped is told elsewhere.
+//! A wrong run looks like a right run: a truth in UTC, a constraint whose time has a typing error, a recording that was named twice. Each rule
+//! here looks for one such mistake in counts and scores. Skipped parts are listed elsewhere.
 
 mod constraints;
 mod counted;
@@ -26,29 +26,29 @@ pub enum Severity {
     Note,
 }
 
-/// Something that needs attention.
+/// A finding that needs attention.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// How harmful it is.
     pub severity: Severity,
-    /// What kind of thing it is: one word for machines.
+    /// Its kind, for machines.
     pub kind: &'static str,
-    /// The phones that it concerns; none: the whole session.
+    /// The phones that it concerns; empty for the whole session.
     pub phones: Vec<String>,
-    /// What was found, with its figures.
+    /// The finding, with its figures.
     pub text: String,
-    /// What to do.
+    /// Advice on a remedy.
     pub advice: String,
 }
 
-/// What needs attention in a session, most harmful first.
+/// The findings of a session, most harmful first.
 pub fn findings(report: &Report) -> Vec<Finding> {
     let mut findings = Vec::new();
     truth::look(report, &mut findings);
     constraints::look(report, &mut findings);
     phones::look(report, &mut findings);
     counted::look(report, &mut findings);
-    // Causes first: what is wrong with errors often follows from what was found so far.
+    // Causes first: large errors often follow from the findings so far.
     truth::look_at_errors(report, &mut findings);
     // Stable: within a severity the order of the rules stays.
     findings.sort_by_key(|finding| finding.severity);
@@ -89,7 +89,7 @@ struct Several {
 }
 
 impl Several {
-    /// The finding, if it concerns anybody. `concerned` has a phone, or phones, and the figure.
+    /// The finding, if `concerned` is not empty; each entry has phones and their figure.
     fn on(&self, concerned: Vec<(Vec<String>, String)>) -> Option<Finding> {
         let &Self { severity, kind, text, advice } = self;
         if concerned.is_empty() {
@@ -108,7 +108,7 @@ impl Several {
     }
 }
 
-/// A part of a whole in words.
+/// A part of a whole as text.
 fn percent(part: u64, whole: u64) -> String {
     let share = ratio(part, whole) * 100.0;
     if (10.0..99.5).contains(&share) || part == whole {

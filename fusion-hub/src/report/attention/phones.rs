@@ -1,21 +1,21 @@
-//! Phones that have less than they should.
+//! Rules about phones.
 
 use super::{Finding, Several, Severity, percent, ratio};
 use crate::report::{PhoneReport, Report, Verdicts};
 
-/// Of the group's epochs.
+/// Least share of the group's time.
 const LEAST_SHARE: f64 = 0.9;
-/// Of the group's epochs, with more than one phone.
+/// Least share of the group's epochs with more than one phone.
 const LEAST_COMMON: f64 = 0.5;
-/// Of a phone's observations.
+/// Least share of a phone's observations with a range rate.
 const LEAST_RATES: f64 = 0.5;
-/// Of a phone's epochs, without a solution.
+/// Largest share of a phone's epochs without a solution.
 const MOST_UNSOLVED: f64 = 0.05;
-/// Of a phone's epochs, not called reliable.
+/// Largest share of a phone's epochs that are not reliable.
 const MOST_UNRELIABLE: f64 = 0.25;
-/// Beyond it the positions are not worth trusting.
+/// The same, beyond which the positions cannot be trusted.
 const HARDLY_RELIABLE: f64 = 0.9;
-/// Mean number of satellites.
+/// Least mean number of satellites.
 const FEWEST_SATELLITES: f64 = 7.0;
 
 /// A rule about single phones.

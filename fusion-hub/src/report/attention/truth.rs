@@ -1,4 +1,4 @@
-//! Truths and what is scored against them.
+//! Rules about truths and scores.
 
 use cofix_common::accuracy::Accuracy;
 
@@ -31,7 +31,7 @@ pub(super) fn look_at_errors(report: &Report, findings: &mut Vec<Finding>) {
     findings.extend(without_truth(report));
 }
 
-/// Shifts that look like one thing.
+/// Time shifts with one cause.
 struct ShiftKind {
     looks_so: fn(f64) -> bool,
     advice: &'static str,
@@ -182,7 +182,7 @@ fn uncounted(report: &Report) -> Option<Finding> {
     .on(concerned.collect())
 }
 
-/// Only when others have one: without any, the table says so.
+/// Reported only when other phones have a truth: without any, the table says so.
 fn without_truth(report: &Report) -> Option<Finding> {
     let phones: Vec<String> =
         report.phones.keys().filter(|name| !report.truth.contains_key(*name)).cloned().collect();

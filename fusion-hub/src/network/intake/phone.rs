@@ -12,12 +12,12 @@ use super::{Arrival, Finished, Notice};
 pub(super) const MAXIMUM_RUNS: usize = 64;
 /// Most lost epochs that are counted one by one; an agent may claim any number.
 const MAXIMUM_LOST: u64 = 1_000_000;
-/// The sender of samples that do not say who sent them.
+/// The sender of samples without a sender.
 const ANONYMOUS: &str = "anonymous";
 
 /// One phone's runs.
 #[derive(Debug, Default)]
-pub(super) struct Desk {
+pub(super) struct PhoneIntake {
     pub(super) runs: BTreeMap<String, Run>,
     /// The sender of the last status.
     current: Option<String>,
@@ -28,8 +28,8 @@ pub(super) struct Desk {
     pub(super) skips: Skips,
 }
 
-impl Desk {
-    /// The run that an arrival belongs to; one that is new may push out the oldest.
+impl PhoneIntake {
+    /// The run that an arrival belongs to; a new run may push out the oldest.
     pub(super) fn run(&mut self, arrival: &Arrival) -> &mut Run {
         let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
         if !self.runs.contains_key(sender) {
@@ -45,7 +45,7 @@ impl Desk {
         run
     }
 
-    /// Forgets the oldest run, if possible one that is neither living nor the current one.
+    /// Forgets the oldest run, if possible neither a living run nor the current run.
     fn forget_oldest(&mut self) {
         let current = self.current.as_deref();
         let worth = |sender: &str, run: &Run| (Some(sender) == current, run.is_living(), run.rank());
@@ -76,7 +76,7 @@ impl Desk {
         lost
     }
 
-    /// Gives up what others wait for.
+    /// Gives up the missing epochs that later ones wait for.
     pub(super) fn release_all(&mut self, sender: &str, why: &str) {
         let waited_on = |run: &Run| run.gap().filter(|gap| gap.waited_on);
         while let Some(gap) = self.runs.get(sender).and_then(waited_on) {
@@ -84,7 +84,7 @@ impl Desk {
         }
     }
 
-    /// Gives up the epochs that an agent says it has published, and that nothing else is known of.
+    /// Gives up the epochs that an agent states as published and that never arrived.
     pub(super) fn give_up_rest(&mut self, sender: &str) {
         let Some(run) = self.runs.get_mut(sender) else { return };
         let missing = run.missing().unwrap_or(0);
@@ -101,7 +101,7 @@ impl Desk {
     pub(super) fn status(&mut self, phone: usize, arrival: &Arrival, status: PhoneStatus) -> Option<Notice> {
         let sender = arrival.sender.clone().unwrap_or_else(|| ANONYMOUS.to_owned());
         match status {
-            // What is known of the run comes again with its history.
+            // An agent's history repeats its statuses.
             PhoneStatus::Started { .. } if self.run(arrival).started => None,
             PhoneStatus::Finished { .. } if self.run(arrival).finished.is_some() => None,
             PhoneStatus::Started { summary, epochs_expected } => {
