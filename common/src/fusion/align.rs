@@ -23,13 +23,10 @@
 //! frequent calls of [`Aligner::go_on`]:
 //!
 //! - **No message waits for a phone longer than W after its arrival.** After W the missing phones are left behind: the group does not wait
-//!   for them
-//!   until they are on time again, and their messages for times already fused are counted and dropped.
+//!   for them until they are on time again, and their messages for times already fused are counted and dropped.
 //! - Two kinds of messages are not a current position and may wait longer: messages of a finished phone, and messages of a phone that
-//!   delivered more
-//!   than [`UNPACED_SPEED`] · W of epochs within the last W (a recording read at full speed, or a history being fetched). They wait as long
-//!   as each
-//!   missing phone delivers a fusable message at least every W.
+//!   delivered more than [`UNPACED_SPEED`] · W of epochs within the last W (a recording read at full speed, or a history being fetched).
+//!   They wait as long as each missing phone delivers a fusable message at least every W.
 //! - A message is fusable if its time is not fused yet and its date is confirmed. The presence of an agent or a pending history request
 //!   does not count.
 //! - A phone is on time again when one of its messages is fusable, or arrives at most W after the other phones' messages of that time.
