@@ -477,8 +477,8 @@ fn settings_of_a_file_act_and_wrong_ones_are_named_by_line() {
     assert!(inspected() != usual, "{usual}");
     for (text, expected) in [
         (
-            "[filter]\n\ncode_sigma_scale = 0\n",
-            "settings.toml: line 3: [filter] code_sigma_scale is 0.0; it must lie within 0.01 to 100",
+            "[filter]\n\nrate_sigma_scale = 0\n",
+            "settings.toml: line 3: [filter] rate_sigma_scale is 0.0; it must lie within 0.01 to 100",
         ),
         ("[filter]\ncode_scale = 1\n", "settings.toml: TOML parse error at line 2, column 1"),
     ] {

@@ -249,6 +249,9 @@ impl PhonePipeline {
             });
         }
         self.filter.predict(time_gps);
+        if let Some((solution, verdict)) = wls {
+            self.filter.compare(0, solution, verdict);
+        }
         if let Some(reason) = self.restart_reason() {
             if !self.filter.is_empty() {
                 self.skips.add(Reason::LocalFilterRestarted, || format!("{time_gps}: {reason}"));

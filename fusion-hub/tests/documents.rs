@@ -77,7 +77,7 @@ fn the_documented_session_is_read() {
 #[test]
 fn the_message_that_the_document_shows_is_said() {
     let document = std::fs::read_to_string(root().join("docs/settings.md")).unwrap();
-    let block = blocks(&document)[0].replace("code_sigma_scale = 2.0", "code_sigma_scale = -1.0");
+    let block = blocks(&document)[0].replace("rate_sigma_scale = 2.0", "rate_sigma_scale = -1.0");
     let refused = Session::parse(&block, Path::new("my-drive.toml"), None).unwrap_err().to_string();
     assert!(document.contains(&format!("\n    {refused}\n")), "not in docs/settings.md: {refused}");
 }

@@ -3,7 +3,7 @@
 //! ```toml
 //! [filter]
 //! preset = "default"
-//! code_sigma_scale = 2.0
+//! rate_sigma_scale = 2.0
 //! [masks]
 //! elevation_deg = 7.5
 //! [log]
@@ -171,8 +171,8 @@ mod tests {
     fn what_is_wrong_is_named_by_line() {
         for (text, said) in [
             (
-                "[filter]\ncode_sigma_scale = 0",
-                "line 2: [filter] code_sigma_scale is 0.0; it must lie within 0.01 to 100",
+                "[filter]\nrate_sigma_scale = 0",
+                "line 2: [filter] rate_sigma_scale is 0.0; it must lie within 0.01 to 100",
             ),
             ("[filter]\n\ncode_scale = 1.0", "line 3,"),
             ("[masks]\ncn0_dbhz = 20\nelevation_deg = 91", "line 3: [masks] elevation_deg"),

@@ -12,13 +12,23 @@ use nalgebra::{DMatrix, DVector};
 use super::kinds::{BoundedLength, ConstrainedState, NO_DIRECTION};
 use super::options::{ConstraintOptions, Method};
 use super::rows::Rows;
-use super::sites::{CONVERGED, Posterior, PreviousSites};
+use super::second::AppliedRow;
+use super::sites::{CONVERGED, Posterior, PreviousSites, Site};
 use super::task::{TOLERANCE, Task};
-use super::truncation::{Enlargement, Gaussian, Interval, moments_within, plausible, truncate};
+use super::truncation::{Enlargement, Gaussian, Interval, moments_within, plausible, truncate_with};
 use super::{Constraint, ConstraintAction, SkipReason};
 
 /// Number of sweeps with relinearised rows. In later sweeps the rows are fixed, so that the sites converge.
 const LINEARISING_SWEEPS: u32 = 3;
+
+/// Result of applying constraints.
+#[derive(Clone, Debug, Default)]
+pub struct Constrained {
+    /// Effect of each constraint that acted, was violated or could not be applied.
+    pub actions: Vec<ConstraintAction>,
+    /// The rows that changed the state.
+    pub applied: Vec<AppliedRow>,
+}
 
 struct Propagation<'a> {
     posterior: Posterior<'a>,
@@ -37,11 +47,21 @@ pub fn constrain(
     constraints: &[Constraint],
     options: &ConstraintOptions,
 ) -> Vec<ConstraintAction> {
+    apply(state, covariance, constraints, options).actions
+}
+
+/// The same, with the rows that changed the state.
+pub fn apply(
+    state: &mut DVector<f64>,
+    covariance: &mut DMatrix<f64>,
+    constraints: &[Constraint],
+    options: &ConstraintOptions,
+) -> Constrained {
     let prior = ConstrainedState { state, covariance, options };
     let task = |(index, constraint): (usize, &Constraint)| Task::new(index, *constraint, &prior);
     let mut tasks: Vec<Task> = constraints.iter().enumerate().map(task).collect();
     if tasks.iter().all(|task| task.idle) {
-        return Vec::new();
+        return Constrained::default();
     }
     let (max_sweeps, damping) = match options.method {
         Method::Sequential { max_sweeps } => (max_sweeps, 0.0),
@@ -61,7 +81,9 @@ pub fn constrain(
     }
     let mut posterior = engine.posterior;
     posterior.rebuild(tasks.iter().flat_map(|task| task.sites.iter().flatten()));
-    tasks.iter().filter_map(|task| task.report(&posterior.prior.0, posterior.state, options)).collect()
+    let report = |task: &Task| task.report(&posterior.prior.0, posterior.state, options);
+    let applied = tasks.iter().flat_map(|task| task.sites.iter().flatten()).map(Site::applied).collect();
+    Constrained { actions: tasks.iter().filter_map(report).collect(), applied }
 }
 
 impl Propagation<'_> {
@@ -173,7 +195,9 @@ impl Propagation<'_> {
         for _ in 0..self.options.max_relinearisations {
             let Some((bounded, vector)) = rows[0].zip(length.vector(&self.current())) else { return };
             let Ok(marginal) = self.posterior.project(&bounded.row) else { return };
-            let Some(truncation) = truncate(marginal, bounded.interval, self.options.enlargement) else {
+            let Some(truncation) =
+                truncate_with(marginal, bounded.interval, bounded.density, self.options.enlargement)
+            else {
                 return;
             };
             let step = (truncation.moments.mean - marginal.mean) / marginal.variance;
@@ -219,7 +243,8 @@ impl Propagation<'_> {
                 mean: bounded.row.at(self.posterior.state),
                 variance: bounded.row.variance(self.posterior.covariance),
             };
-            let moments = moments_within(marginal, bounded.interval).ok_or(SkipReason::NoVariance)?;
+            let moments =
+                moments_within(marginal, bounded.interval, bounded.density).ok_or(SkipReason::NoVariance)?;
             all_plausible &= plausible(moments, bounded.interval, confidence);
         }
         Ok(all_plausible)

@@ -26,15 +26,17 @@ pub mod engine;
 pub mod kinds;
 pub mod options;
 pub mod rows;
+pub mod second;
 mod sites;
 mod task;
 pub mod truncation;
 
 use serde::{Deserialize, Serialize};
 
-pub use engine::constrain;
-pub use kinds::{Constraint, Distance, Heading, Speed, VerticalVelocity};
+pub use engine::{Constrained, apply, constrain};
+pub use kinds::{ConstrainedState, Constraint, Distance, Heading, Speed, VerticalVelocity};
 pub use options::{ConstraintOptions, DistanceModel, HeadingGate, Method};
+pub use task::excess_sigmas;
 pub use truncation::Enlargement;
 
 /// Effect of one constraint at one epoch.
@@ -46,6 +48,8 @@ pub struct ConstraintAction {
     pub constraint: Constraint,
     /// Value of the constrained quantity before, in the constraint's unit (m, m/s, rad off course).
     pub before: f64,
+    /// Excess of the state without any constraint over the bounds, in standard deviations; the caller that has such a state sets it.
+    pub free_sigmas: f64,
     /// Value of the constrained quantity after all constraints.
     pub after: f64,
     /// Largest position shift of the constrained phones, m.

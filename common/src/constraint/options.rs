@@ -29,6 +29,10 @@ pub enum Method {
 pub enum DistanceModel {
     /// As in the paper: minimum ≤ uᵀd ≤ maximum along the line u between the phones.
     Radial,
+    /// As [`DistanceModel::Box`], but without a minimum each component of d has the density of a component of a vector that is equally likely
+    /// anywhere in the ball |d| ≤ maximum, ∝ maximum² − y². A vector that is equally likely in the box is longer on average (1.9 instead of
+    /// 1.5 m for a maximum of 2 m).
+    Ball,
     /// Three axes. |d| ≤ maximum bounds every component of d: −maximum ≤ eᵀd ≤ maximum along the line and along two axes across. A minimum
     /// bounds the component along the line, reduced by the uncertainty across: two phones that are close along the line, but uncertain by
     /// metres across it, need not be pushed apart. After a violated minimum the distance of the means may therefore still be below it.
@@ -87,7 +91,7 @@ impl Default for ConstraintOptions {
             method: Method::ExpectationPropagation { max_sweeps: 10, damping: 0.0 },
             enlargement: Enlargement::Fixed,
             act_when_inside: true,
-            distance_model: DistanceModel::Box,
+            distance_model: DistanceModel::Ball,
             horizon_s: 0.0,
             heading_gate: HeadingGate::default(),
             contradiction_sigmas: 6.0,

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::truncation::Interval;
+use super::truncation::{Density, Interval};
 use crate::filter::STATES_PER_PHONE;
 use crate::frames::{Ecef, EcefVector, Enu, LocalFrame};
 
@@ -28,6 +28,8 @@ pub struct BoundedRow {
     pub row: SparseRow,
     /// Interval of the row's value.
     pub interval: Interval,
+    /// What is known of the value within the interval.
+    pub density: Density,
     /// Whether the other rows of the constraint imply this row. Expectation propagation leaves it out.
     pub is_implied: bool,
 }
@@ -35,7 +37,12 @@ pub struct BoundedRow {
 impl BoundedRow {
     /// A row that is not implied by others.
     pub const fn new(row: SparseRow, interval: Interval) -> Self {
-        Self { row, interval, is_implied: false }
+        Self { row, interval, density: Density::Uniform, is_implied: false }
+    }
+
+    /// The same row of a component of a vector in a ball.
+    pub const fn of_ball(self) -> Self {
+        Self { density: Density::Ball, ..self }
     }
 
     /// The same row, implied by the constraint's other rows.

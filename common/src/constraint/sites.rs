@@ -4,7 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::SkipReason;
 use super::rows::{BoundedRow, SparseRow};
-use super::truncation::{Enlargement, Gaussian, Truncation, truncate};
+use super::second::AppliedRow;
+use super::truncation::{Enlargement, Gaussian, Truncation, truncate_with};
 
 /// Convergence limit of a refresh: change of the mean in standard deviations, and relative change of the variance.
 pub(super) const CONVERGED: f64 = 1e-3;
@@ -18,6 +19,13 @@ pub(super) struct Site {
     row: SparseRow,
     precision: f64,
     shift: f64,
+}
+
+impl Site {
+    /// The row with its precision.
+    pub(super) const fn applied(&self) -> AppliedRow {
+        AppliedRow { row: self.row, precision: self.precision }
+    }
 }
 
 /// The sites of a row before it is applied again.
@@ -75,7 +83,7 @@ impl<'a> Posterior<'a> {
             return Ok(Applied { site: former, enlargements: 0, change: 0.0 });
         }
         let Truncation { moments, enlargements } =
-            truncate(cavity, bounded.interval, policy).ok_or(SkipReason::NotFinite)?;
+            truncate_with(cavity, bounded.interval, bounded.density, policy).ok_or(SkipReason::NotFinite)?;
         let cavity_precision = 1.0 / cavity.variance;
         let most = 1.0 / (LEAST_VARIANCE * bounded.row.variance(&self.prior.1));
         let precision = (1.0 / moments.variance - cavity_precision).max(0.0).min(most);

@@ -71,9 +71,7 @@ impl Task {
         let rows = kind.rows(prior)?;
         self.rows = Some(rows);
         if !self.constraint.holds(self.before) {
-            let limit = options.contradiction_sigmas;
-            let contradicted =
-                rows.iter().flatten().any(|bounded| outside_sigmas(bounded, state, covariance) > limit);
+            let contradicted = largest_excess(&rows, state, covariance) > options.contradiction_sigmas;
             return if contradicted { Err(SkipReason::Contradicted) } else { Ok(false) };
         }
         let idle = |bounded: &BoundedRow| is_idle(bounded, state, covariance);
@@ -103,12 +101,30 @@ impl Task {
             index: self.index,
             constraint: self.constraint,
             before: self.before,
+            free_sigmas: 0.0,
             after,
             shift_m: self.constraint.phones().iter().map(shift_m).fold(0.0, f64::max),
             enlargements: self.enlargements,
             outcome,
         })
     }
+}
+
+/// Excess of a state over the bounds of a constraint, in standard deviations; 0 within the bounds, or where the constraint does not apply.
+///
+/// The state must not contain the constraint's own information: a state that a wrong constraint has narrowed never contradicts it.
+pub fn excess_sigmas(constraint: &Constraint, at: &ConstrainedState<'_>) -> f64 {
+    let kind = constraint.kind();
+    let value = constraint.value(at.state, at.options.horizon_s);
+    let is_outside = value.is_some_and(|value| !constraint.holds(value));
+    if !is_outside || !kind.applies(at).unwrap_or(false) {
+        return 0.0;
+    }
+    kind.rows(at).map_or(0.0, |rows| largest_excess(&rows, at.state, at.covariance))
+}
+
+fn largest_excess(rows: &Rows, state: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
+    rows.iter().flatten().map(|bounded| outside_sigmas(bounded, state, covariance)).fold(0.0, f64::max)
 }
 
 /// Excess of a row's mean over its interval in standard deviations; 0 inside, or without a variance.

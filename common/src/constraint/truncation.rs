@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::statistics::{log_interval_probability, truncated_moments};
+use crate::statistics::{ball_moments, log_interval_probability, truncated_moments};
 
 /// Minimum width of an interval in standard deviations; narrower intervals are widened about their centre, so that an equality leaves a
 /// variance.
@@ -17,6 +17,16 @@ pub struct Interval {
     pub lower: f64,
     /// Upper bound.
     pub upper: f64,
+}
+
+/// What is known of a value within its interval before anything else.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Density {
+    /// Every value is equally likely.
+    #[default]
+    Uniform,
+    /// The value is a component of a vector that is equally likely anywhere in the ball whose diameter is the interval.
+    Ball,
 }
 
 /// Normal distribution of one variable.
@@ -122,16 +132,26 @@ impl Interval {
 ///
 /// `None` if the distribution has no positive finite variance, or a result is not finite.
 pub fn truncate(gaussian: Gaussian, interval: Interval, policy: Enlargement) -> Option<Truncation> {
+    truncate_with(gaussian, interval, Density::Uniform, policy)
+}
+
+/// The same with a density within the interval.
+pub(super) fn truncate_with(
+    gaussian: Gaussian,
+    interval: Interval,
+    density: Density,
+    policy: Enlargement,
+) -> Option<Truncation> {
     match policy {
         Enlargement::Fixed => {
-            Some(Truncation { moments: moments_within(gaussian, interval)?, enlargements: 0 })
+            Some(Truncation { moments: moments_within(gaussian, interval, density)?, enlargements: 0 })
         }
         Enlargement::Peng { confidence, factor, max_iterations } => {
             let sigma = gaussian.variance.sqrt();
             let mut enlargements = 0;
             loop {
                 let current = interval.enlarged(factor, enlargements, sigma);
-                let moments = moments_within(gaussian, current)?;
+                let moments = moments_within(gaussian, current, density)?;
                 if enlargements >= max_iterations || plausible(moments, current, confidence) {
                     return Some(Truncation { moments, enlargements });
                 }
@@ -148,15 +168,18 @@ pub(super) fn plausible(gaussian: Gaussian, interval: Interval, confidence: f64)
 }
 
 /// Moments of a normal distribution within an interval, without enlargement.
-pub(super) fn moments_within(gaussian: Gaussian, interval: Interval) -> Option<Gaussian> {
+pub(super) fn moments_within(gaussian: Gaussian, interval: Interval, density: Density) -> Option<Gaussian> {
     if !(gaussian.variance > 0.0 && gaussian.variance.is_finite() && gaussian.mean.is_finite()) {
         return None;
     }
     let (lower, upper) = interval.standardised(gaussian);
-    let within = truncated_moments(lower, upper)?;
-    let mean = gaussian.mean + gaussian.variance.sqrt() * within.mean;
+    let (mean, variance) = match density {
+        Density::Uniform => truncated_moments(lower, upper).map(|within| (within.mean, within.variance)),
+        Density::Ball => ball_moments(lower, upper),
+    }?;
+    let mean = gaussian.mean + gaussian.variance.sqrt() * mean;
     let mean =
         if interval.lower < interval.upper { mean.clamp(interval.lower, interval.upper) } else { mean };
-    let variance = gaussian.variance * within.variance.min(1.0);
+    let variance = gaussian.variance * variance.min(1.0);
     (mean.is_finite() && variance > 0.0).then_some(Gaussian { mean, variance })
 }

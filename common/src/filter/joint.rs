@@ -1,10 +1,16 @@
 //! The joint filter: adding, predicting, updating and removing phones.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use std::collections::BTreeMap;
 
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix3, SMatrix, Vector3};
+
+use super::consider::Consider;
+use super::noise_level::NoiseLevel;
 use super::process::Step;
+use super::slots::{Interval, Slot};
 use super::{FilterOptions, PhoneState, STATES_PER_PHONE};
 use crate::frames::{Ecef, EcefVector, LocalFrame};
+use crate::gnss::ClockGroup;
 use crate::integrity::Verdict;
 use crate::solve::{PointSolution, VelocitySolution};
 use crate::time::GpsTime;
@@ -13,38 +19,47 @@ use crate::time::GpsTime;
 const LONGEST_STEP_S: f64 = 1.0;
 /// Distance after which a phone's vertical is computed again, m (0.001° of tilt).
 const VERTICAL_VALID_M: f64 = 100.0;
-/// Standard deviations of a new phone's velocity without Doppler (m/s) and of its acceleration (m/s²).
-const NEW_VELOCITY_SIGMA_MPS: f64 = 15.0;
+/// Standard deviation of a new phone's acceleration, m/s².
 const NEW_ACCELERATION_SIGMA_MPS2: f64 = 1.5;
+/// Standard deviation of a velocity from Doppler above which it is not used, m/s.
+const USELESS_VELOCITY_MPS: f64 = 15.0;
 /// Added to the standard deviation of a velocity from Doppler, m/s, because one epoch may contain an outlier.
 const DOPPLER_FLOOR_MPS: f64 = 0.5;
 
-/// Number of consecutive updates with most pseudoranges rejected after which a phone is lost.
+/// Number of a phone's intervals without a measurement after which it is initialised anew.
+const GAP_INTERVALS: f64 = 3.5;
+/// Number of consecutive updates with most pseudoranges or most range rates rejected after which a phone is lost.
 const LOST_AFTER: u32 = 5;
+/// Distance of a reliable solution of the epoch beyond which a prediction is wrong, m and in standard deviations.
+const FAR_M: f64 = 150.0;
+const FAR_SIGMAS: f64 = 6.0;
 /// Factors on the covariances of the epoch-wise solution at initialisation, by its verdict.
 const START_INFLATION: f64 = 4.0;
 const UNRELIABLE_INFLATION: f64 = 100.0;
 
 /// Gaussian distribution over the states of all present phones.
 ///
-/// Phones are identified by the caller's numbers; [`JointFilter::slot`] gives the slot of a phone. The nine states of slot s start at 9s.
+/// Phones are identified by the caller's numbers; [`JointFilter::slot`] gives the slot of a phone. The states of a phone are consecutive:
+/// nine kinematic ones, and the biases of its clock groups.
 #[derive(Clone, Debug)]
 pub struct JointFilter {
     pub(super) options: FilterOptions,
     time_gps: GpsTime,
     pub(super) mean: DVector<f64>,
     pub(super) covariance: DMatrix<f64>,
-    slots: Vec<Slot>,
+    pub(super) consider: Option<Consider>,
+    pub(super) slots: Vec<Slot>,
+    /// Intervals of the phones, by their number; they outlive the phones' states.
+    intervals: BTreeMap<usize, Interval>,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Slot {
-    phone: usize,
-    up: Vector3<f64>,
-    up_at: Ecef,
-    measured: GpsTime,
-    /// Number of consecutive updates that rejected most of their pseudoranges.
-    rejecting: u32,
+/// Numbers of measurements of one kind in an update.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Kept {
+    /// Measurements with a weight above zero.
+    pub kept: usize,
+    /// All measurements.
+    pub offered: usize,
 }
 
 /// Initial state of a new phone.
@@ -66,8 +81,8 @@ impl Start {
         let floor = Matrix3::identity() * DOPPLER_FLOOR_MPS.powi(2);
         let widened =
             |v: VelocitySolution| VelocitySolution { covariance: v.covariance * inflation + floor, ..v };
-        // A velocity with an uncertainty above any car's speed contains no information.
-        let useful = |v: &VelocitySolution| v.covariance.diagonal().max() < NEW_VELOCITY_SIGMA_MPS.powi(2);
+        // A velocity with an uncertainty above that of an unknown one contains no information.
+        let useful = |v: &VelocitySolution| v.covariance.diagonal().max() < USELESS_VELOCITY_MPS.powi(2);
         Self {
             position: solution.position,
             position_covariance: solution.position_covariance * inflation,
@@ -84,7 +99,9 @@ impl JointFilter {
             time_gps: GpsTime::default(),
             mean: DVector::zeros(0),
             covariance: DMatrix::zeros(0, 0),
+            consider: (!options.shared.are_none()).then(|| Consider::new(options.shared)),
             slots: Vec::new(),
+            intervals: BTreeMap::new(),
         }
     }
 
@@ -122,7 +139,7 @@ impl JointFilter {
         self.covariance.resize_mut(n + states, n + states, 0.0);
         self.mean.fixed_rows_mut::<3>(n).copy_from(&start.position.0);
         self.covariance.fixed_view_mut::<3, 3>(n, n).copy_from(&start.position_covariance);
-        let unknown = Matrix3::identity() * NEW_VELOCITY_SIGMA_MPS.powi(2);
+        let unknown = Matrix3::identity() * self.options.start_speed_mps.powi(2);
         let velocity = start
             .velocity
             .unwrap_or(VelocitySolution { velocity: EcefVector::new(0.0, 0.0, 0.0), covariance: unknown });
@@ -131,8 +148,24 @@ impl JointFilter {
         for axis in n + 6..n + 9 {
             self.covariance[(axis, axis)] = NEW_ACCELERATION_SIGMA_MPS2.powi(2);
         }
+        if let Some(consider) = &mut self.consider {
+            consider.insert(n, &self.covariance);
+        }
         let up = LocalFrame::at(start.position).up();
-        self.slots.push(Slot { phone, up, up_at: start.position, measured: time_gps, rejecting: 0 });
+        self.slots.push(Slot {
+            phone,
+            at: n,
+            up,
+            up_at: start.position,
+            measured: time_gps,
+            reference: None,
+            biases: Vec::new(),
+            codes_rejected: 0,
+            rates_rejected: 0,
+            far: 0,
+            noise_level: NoiseLevel::default(),
+        });
+        self.intervals.entry(phone).or_default().take(time_gps);
     }
 
     /// Removes a phone; the others keep their joint distribution (marginalisation).
@@ -140,23 +173,33 @@ impl JointFilter {
         if slot >= self.slots.len() {
             return;
         }
+        let (at, states) = (self.slots[slot].at, self.slots[slot].len());
         self.slots.remove(slot);
-        let (at, states) = (slot * STATES_PER_PHONE, STATES_PER_PHONE);
+        for later in self.slots.iter_mut().skip(slot) {
+            later.at -= states;
+        }
         let mean = std::mem::replace(&mut self.mean, DVector::zeros(0));
         self.mean = mean.remove_rows(at, states);
         let covariance = std::mem::replace(&mut self.covariance, DMatrix::zeros(0, 0));
         self.covariance = covariance.remove_rows(at, states).remove_columns(at, states);
+        if let Some(consider) = &mut self.consider {
+            consider.remove(at, states);
+        }
     }
 
-    /// Removes the phones whose last measurement is longer before `time_gps` than the maximum gap. Returns their numbers and the length of
+    /// Removes the phones whose last measurement is longer before `time_gps` than the maximum gap, or than 3.5 of their own intervals if
+    /// these are longer. Returns their numbers and the length of
     /// their silence, s.
     pub fn drop_silent(&mut self, time_gps: GpsTime) -> Vec<(usize, f64)> {
-        let limit_s = self.options.maximum_gap_s;
+        let limit_s = |phone| {
+            let interval_s = self.intervals.get(&phone).and_then(Interval::seconds).unwrap_or_default();
+            self.options.maximum_gap_s.max(GAP_INTERVALS * interval_s)
+        };
         let silent: Vec<(usize, f64)> = self
             .slots
             .iter()
             .map(|slot| (slot.phone, time_gps - slot.measured))
-            .filter(|(_, silence_s)| *silence_s > limit_s)
+            .filter(|(phone, silence_s)| *silence_s > limit_s(*phone))
             .collect();
         for (phone, _) in &silent {
             if let Some(slot) = self.slot(*phone) {
@@ -179,18 +222,37 @@ impl JointFilter {
         // a small number, after `drop_silent`
         for _ in 0..steps as u64 {
             self.advance(&step);
+            if let Some(consider) = &mut self.consider {
+                consider.age(total_s / steps);
+            }
         }
         self.time_gps = time_gps;
     }
 
     fn advance(&mut self, step: &Step) {
-        step.advance_mean(&mut self.mean);
-        step.advance_covariance(&mut self.covariance);
+        let at: Vec<usize> = self.slots.iter().map(|slot| slot.at).collect();
+        step.advance_mean(&mut self.mean, &at);
+        step.advance_covariance(&mut self.covariance, &at);
         // Rounding differs between columns and rows; P is exactly symmetric everywhere else.
         self.covariance.fill_upper_triangle_with_lower_triangle();
+        if let Some(consider) = &mut self.consider {
+            step.advance_covariance(&mut consider.covariance, &at);
+            consider.covariance.fill_upper_triangle_with_lower_triangle();
+            step.advance_columns(&mut consider.cross, &at);
+        }
         for slot in 0..self.slots.len() {
             let up = self.vertical(slot);
-            step.add_noise(&mut self.covariance, slot * STATES_PER_PHONE, &up, &self.options.process);
+            let (at, states) = (self.slots[slot].at, self.slots[slot].len());
+            // A bias that is free at every epoch is opened again by the update.
+            let walk_m2ps = Some(self.options.bias_walk_m2ps).filter(|walk| walk.is_finite());
+            let walk_m2 = walk_m2ps.unwrap_or_default() * step.seconds();
+            let second = self.consider.as_mut().map(|consider| &mut consider.covariance);
+            for covariance in std::iter::once(&mut self.covariance).chain(second) {
+                step.add_noise(covariance, at, &up, &self.options.process);
+                for bias in at + STATES_PER_PHONE..at + states {
+                    covariance[(bias, bias)] += walk_m2;
+                }
+            }
         }
     }
 
@@ -205,46 +267,117 @@ impl JointFilter {
     }
 
     pub(super) fn position(&self, slot: usize) -> Ecef {
-        let at = slot * STATES_PER_PHONE;
+        let at = self.slots[slot].at;
         Ecef::new(self.mean[at], self.mean[at + 1], self.mean[at + 2])
     }
 
-    /// Records an update that kept `kept` of `offered` pseudoranges.
-    pub(super) fn mark_measured(&mut self, slot: usize, kept: usize, offered: usize) {
-        let slot = &mut self.slots[slot];
-        slot.measured = self.time_gps;
-        slot.rejecting = if 2 * kept < offered { slot.rejecting + 1 } else { 0 };
+    /// Records an update of a phone: how many of its pseudoranges and range rates were kept.
+    pub(super) fn mark_measured(&mut self, slot: usize, codes: Kept, rates: Kept) {
+        let (time_gps, slot) = (self.time_gps, &mut self.slots[slot]);
+        self.intervals.entry(slot.phone).or_default().take(time_gps);
+        slot.measured = time_gps;
+        let count = |before: u32, kept: Kept| if 2 * kept.kept < kept.offered { before + 1 } else { 0 };
+        slot.codes_rejected = count(slot.codes_rejected, codes);
+        slot.rates_rejected = count(slot.rates_rejected, rates);
     }
 
-    /// Whether the prediction of a phone has contradicted most of its pseudoranges for five consecutive epochs. The prediction is then
-    /// wrong, and the phone should be initialised again.
+    /// Compares a phone's predicted position with the epoch's own solution, if RAIM calls it reliable.
+    pub fn compare(&mut self, slot: usize, solution: &PointSolution, verdict: Verdict) {
+        if verdict != Verdict::Reliable || slot >= self.slots.len() {
+            return;
+        }
+        let at = self.slots[slot].at;
+        let difference = solution.position - self.position(slot);
+        let expected = self.stated().fixed_view::<3, 3>(at, at) + solution.position_covariance;
+        let normalised =
+            Cholesky::new(expected).map_or(0.0, |factor| difference.0.dot(&factor.solve(&difference.0)));
+        let is_far = difference.norm() > FAR_M && normalised > FAR_SIGMAS * FAR_SIGMAS;
+        let slot = &mut self.slots[slot];
+        slot.far = if is_far { slot.far + 1 } else { 0 };
+    }
+
+    /// Whether the prediction of a phone has, for five consecutive epochs, contradicted most of its pseudoranges, most of its range rates, or
+    /// the reliable solution of the epoch (see [`JointFilter::compare`]). The prediction is then wrong, and the phone should be initialised
+    /// again.
     pub fn is_lost(&self, slot: usize) -> bool {
-        self.slots.get(slot).is_some_and(|slot| slot.rejecting >= LOST_AFTER)
+        let worst = |slot: &Slot| slot.codes_rejected.max(slot.rates_rejected).max(slot.far);
+        self.slots.get(slot).is_some_and(|slot| worst(slot) >= LOST_AFTER)
+    }
+
+    /// Time since the last measurement of a phone, s; `None` at its start.
+    pub(super) fn silence_s(&self, slot: usize) -> f64 {
+        self.slots.get(slot).map_or(0.0, |slot| self.time_gps - slot.measured)
+    }
+
+    /// Adds a state with this value and variance at the end of a phone's.
+    pub(super) fn insert_bias(&mut self, slot: usize, group: ClockGroup, value_m: f64, variance_m2: f64) {
+        let index = self.slots[slot].at + self.slots[slot].len();
+        self.slots[slot].biases.push(group);
+        for later in self.slots.iter_mut().skip(slot + 1) {
+            later.at += 1;
+        }
+        let mean = std::mem::replace(&mut self.mean, DVector::zeros(0));
+        self.mean = mean.insert_row(index, value_m);
+        let widened = |matrix: &mut DMatrix<f64>| {
+            let given = std::mem::replace(matrix, DMatrix::zeros(0, 0));
+            *matrix = given.insert_row(index, 0.0).insert_column(index, 0.0);
+            matrix[(index, index)] = variance_m2;
+        };
+        widened(&mut self.covariance);
+        if let Some(consider) = &mut self.consider {
+            widened(&mut consider.covariance);
+            consider.insert_row(index);
+        }
+    }
+
+    /// Makes a state independent of all others, with this value and variance.
+    pub(super) fn reopen(&mut self, index: usize, value_m: f64, variance_m2: f64) {
+        self.mean[index] = value_m;
+        let reopened = |matrix: &mut DMatrix<f64>| {
+            matrix.row_mut(index).fill(0.0);
+            matrix.column_mut(index).fill(0.0);
+            matrix[(index, index)] = variance_m2;
+        };
+        reopened(&mut self.covariance);
+        if let Some(consider) = &mut self.consider {
+            reopened(&mut consider.covariance);
+            consider.cross.row_mut(index).fill(0.0);
+        }
     }
 
     /// State of one phone.
     pub fn state(&self, slot: usize) -> Option<PhoneState> {
-        if slot >= self.slots.len() {
-            return None;
-        }
-        let at = slot * STATES_PER_PHONE;
+        let at = self.slots.get(slot)?.at;
         Some(PhoneState {
             mean: self.mean.fixed_rows::<STATES_PER_PHONE>(at).into_owned(),
-            covariance: self.covariance.fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at).into_owned(),
+            covariance: self.stated().fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at).into_owned(),
         })
     }
 
-    /// Standard deviation of the distance between two phones along the line between them, m.
-    pub fn distance_sigma_m(&self, a: usize, b: usize) -> Option<f64> {
-        if a >= self.len() || b >= self.len() {
-            return None;
-        }
-        let line = self.position(a) - self.position(b);
-        let u = line.0.try_normalize(1e-9)?;
-        let (ra, rb) = (a * STATES_PER_PHONE, b * STATES_PER_PHONE);
-        let block = |i: usize, j: usize| self.covariance.fixed_view::<3, 3>(i, j);
-        let relative = block(ra, ra) + block(rb, rb) - block(ra, rb) - block(rb, ra);
-        Some(u.dot(&(relative * u)).max(0.0).sqrt())
+    /// The covariance that is stated: the second one, if there are shared errors.
+    pub(super) fn stated(&self) -> &DMatrix<f64> {
+        self.consider.as_ref().map_or(&self.covariance, |consider| &consider.covariance)
+    }
+
+    /// Numbers of the phones, by slot.
+    pub fn phones(&self) -> impl Iterator<Item = usize> + '_ {
+        self.slots.iter().map(|slot| slot.phone)
+    }
+
+    /// Covariance of the first phone's errors with those of another filter's first phone, through the errors that they share.
+    pub(crate) fn shared_with(&self, other: &Self) -> SMatrix<f64, STATES_PER_PHONE, STATES_PER_PHONE> {
+        let both = self.consider.as_ref().zip(other.consider.as_ref());
+        both.map_or_else(SMatrix::zeros, |(mine, theirs)| mine.between(0, theirs, 0))
+    }
+
+    /// Removes all phones.
+    pub fn clear(&mut self) {
+        *self = Self::new(self.options);
+    }
+
+    /// Mean and covariance.
+    pub const fn distribution(&self) -> (&DVector<f64>, &DMatrix<f64>) {
+        (&self.mean, &self.covariance)
     }
 
     /// Mean and covariance, mutable for the constraints.

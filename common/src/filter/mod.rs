@@ -20,13 +20,22 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod biases;
+mod consider;
+mod information;
 mod joint;
+mod manoeuvre;
+mod noise_level;
 mod options;
 mod process;
+mod slots;
 mod update;
+mod weights;
 
-pub use joint::{JointFilter, Start};
-pub use options::{FilterOptions, ProcessNoise, RobustWeights};
+pub use consider::SharedErrors;
+pub use joint::{JointFilter, Kept, Start};
+pub use options::{CodeNoise, FilterOptions, Motion, ProcessNoise, RobustWeights};
+pub use update::UpdateReport;
 
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};

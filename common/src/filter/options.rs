@@ -2,18 +2,27 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::SharedErrors;
+
 /// Options of the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilterOptions {
     /// Motion model of the phones.
     pub process: ProcessNoise,
-    /// Factor on the standard deviation of a pseudorange. Multipath is correlated from epoch to epoch; treated as white noise it would get
-    /// too much weight.
-    pub code_sigma_scale: f64,
+    /// Standard deviation of each component of a new phone's velocity without Doppler, m/s.
+    pub start_speed_mps: f64,
+    /// How much of a pseudorange's noise is correlated in time.
+    pub code_noise: CodeNoise,
     /// Factor on the standard deviation of a range rate.
     pub rate_sigma_scale: f64,
     /// Down-weighting of large innovations.
     pub robust: RobustWeights,
+    /// Whether the filter takes only the observations that the phone's RAIM kept.
+    pub only_used: bool,
+    /// Errors that all phones share, for the second covariance.
+    pub shared: SharedErrors,
+    /// Spectral density of the random walk of the biases between clock groups, m²/s; infinite: every group has a white clock of its own.
+    pub bias_walk_m2ps: f64,
     /// Maximum gap in the measurements of a phone, s; after a longer gap it is initialised anew.
     pub maximum_gap_s: f64,
 }
@@ -29,6 +38,43 @@ pub struct ProcessNoise {
     pub acceleration_time_s: f64,
 }
 
+/// How a phone is carried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Motion {
+    /// In a road vehicle: quick along the road, slow in height.
+    Road,
+    /// On foot, on a bicycle, in a lift: slower, in all directions.
+    Walk,
+    /// On an aircraft or a drone.
+    Air,
+    /// Standing still for the whole recording.
+    Static,
+}
+
+impl Motion {
+    /// Process noise of this motion.
+    pub const fn process(self) -> ProcessNoise {
+        let (horizontal_m2ps5, vertical_m2ps5, acceleration_time_s) = match self {
+            Self::Road => (0.5, 0.005, 5.0),
+            Self::Walk => (0.5, 0.1, 2.0),
+            Self::Air => (2.0, 2.0, 10.0),
+            Self::Static => (1e-9, 1e-9, 1.0),
+        };
+        ProcessNoise { horizontal_m2ps5, vertical_m2ps5, acceleration_time_s }
+    }
+
+    /// Standard deviation of each component of an unknown velocity, m/s.
+    pub const fn speed_mps(self) -> f64 {
+        match self {
+            Self::Road => 15.0,
+            Self::Walk => 3.0,
+            Self::Air => 150.0,
+            Self::Static => 0.01,
+        }
+    }
+}
+
 /// IGG III weights on standardised innovations (Li 2022, Eq. 6): weight 1 up to `keep`, 0 from `reject`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RobustWeights {
@@ -36,6 +82,29 @@ pub struct RobustWeights {
     pub keep: f64,
     /// k1: weight 0 from this number of standard deviations.
     pub reject: f64,
+}
+
+/// Correlation of code noise in time. Multipath lasts for tens of seconds; a filter that took it for white noise would average it away.
+///
+/// The noise is white with variance (1 − κ)σ² and a Gauss-Markov process with κσ² and time constant τ. Over many epochs an interval Δt apart
+/// their mean has the variance of white noise of (1 − κ)σ² + κσ² coth(Δt/2τ), which is what the filter takes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CodeNoise {
+    /// κ, 0 to 1.
+    pub correlated_share: f64,
+    /// τ, s.
+    pub correlation_time_s: f64,
+}
+
+impl CodeNoise {
+    /// Factor on the variance for measurements `interval_s` apart.
+    pub fn inflation(&self, interval_s: f64) -> f64 {
+        if self.correlated_share <= 0.0 {
+            return 1.0;
+        }
+        let half = (interval_s / (2.0 * self.correlation_time_s)).max(1e-6);
+        1.0 + self.correlated_share * (1.0 / half.tanh() - 1.0)
+    }
 }
 
 impl FilterOptions {
@@ -47,9 +116,13 @@ impl FilterOptions {
                 vertical_m2ps5: 1e-4,
                 acceleration_time_s: f64::INFINITY,
             },
-            code_sigma_scale: 1.0,
+            start_speed_mps: 15.0,
+            code_noise: CodeNoise { correlated_share: 0.0, correlation_time_s: 20.0 },
+            bias_walk_m2ps: f64::INFINITY,
             rate_sigma_scale: 1.0,
             robust: RobustWeights { keep: f64::INFINITY, reject: f64::INFINITY },
+            only_used: true,
+            shared: SharedErrors::NONE,
             maximum_gap_s: 10.0,
         }
     }
@@ -59,10 +132,20 @@ impl Default for FilterOptions {
     /// Values for road vehicles, rounded from searches on two recorded sessions and checked on a third; see docs/results.md.
     fn default() -> Self {
         Self {
-            process: ProcessNoise { horizontal_m2ps5: 0.5, vertical_m2ps5: 0.005, acceleration_time_s: 5.0 },
-            code_sigma_scale: 2.0,
+            process: Motion::Road.process(),
+            start_speed_mps: Motion::Road.speed_mps(),
+            code_noise: CodeNoise { correlated_share: 0.077, correlation_time_s: 20.0 },
+            bias_walk_m2ps: 0.003,
             rate_sigma_scale: 1.0,
-            robust: RobustWeights { keep: 2.0, reject: 8.0 },
+            robust: RobustWeights { keep: 1.0, reject: 5.0 },
+            only_used: false,
+            shared: SharedErrors {
+                satellite_sigma_m: 0.5,
+                satellite_share: 0.5,
+                ionosphere_share: 0.6,
+                gradient_share: 0.5,
+                time_constant_s: 7_200.0,
+            },
             maximum_gap_s: 10.0,
         }
     }

@@ -47,21 +47,24 @@ impl Step {
         Self { dt_s, position_from_acceleration, velocity_from_acceleration, decay, noise }
     }
 
-    /// x ← Fx for each phone.
-    pub fn advance_mean(&self, mean: &mut DVector<f64>) {
-        self.advance(mean.as_mut_slice());
+    /// Length of the step, s.
+    pub const fn seconds(&self) -> f64 {
+        self.dt_s
+    }
+
+    /// x ← Fx for the phones whose states begin at `phones`.
+    pub fn advance_mean(&self, mean: &mut DVector<f64>, phones: &[usize]) {
+        self.advance(mean.as_mut_slice(), phones);
     }
 
     /// P ← FPFᵀ: first the columns, then the rows.
-    pub fn advance_covariance(&self, covariance: &mut DMatrix<f64>) {
+    pub fn advance_covariance(&self, covariance: &mut DMatrix<f64>, phones: &[usize]) {
         let n = covariance.nrows();
+        self.advance_columns(covariance, phones);
         let data = covariance.as_mut_slice();
-        for column in data.chunks_exact_mut(n) {
-            self.advance(column);
-        }
-        for phone in 0..n / 9 {
+        for at in phones {
             for axis in 0..3 {
-                let (r, v, a) = (phone * 9 + axis, phone * 9 + axis + 3, phone * 9 + axis + 6);
+                let (r, v, a) = (at + axis, at + axis + 3, at + axis + 6);
                 for row in 0..n {
                     let (pr, pv, pa) = (data[r * n + row], data[v * n + row], data[a * n + row]);
                     let [r1, v1, a1] = self.apply(pr, pv, pa);
@@ -73,13 +76,21 @@ impl Step {
         }
     }
 
-    fn advance(&self, states: &mut [f64]) {
-        for phone in states.chunks_exact_mut(9) {
+    /// C ← FC.
+    pub fn advance_columns(&self, matrix: &mut DMatrix<f64>, phones: &[usize]) {
+        let n = matrix.nrows();
+        if n > 0 {
+            for column in matrix.as_mut_slice().chunks_exact_mut(n) {
+                self.advance(column, phones);
+            }
+        }
+    }
+
+    fn advance(&self, states: &mut [f64], phones: &[usize]) {
+        for at in phones {
             for axis in 0..3 {
-                let [r, v, a] = self.apply(phone[axis], phone[axis + 3], phone[axis + 6]);
-                phone[axis] = r;
-                phone[axis + 3] = v;
-                phone[axis + 6] = a;
+                let (r, v, a) = (at + axis, at + axis + 3, at + axis + 6);
+                [states[r], states[v], states[a]] = self.apply(states[r], states[v], states[a]);
             }
         }
     }
@@ -139,7 +150,7 @@ mod tests {
         let root = DMatrix::from_fn(18, 18, |i, j| ((i * 7 + j * 13) % 11) as f64 - 5.0);
         let mut covariance = &root * root.transpose();
         let expected = &f * &covariance * f.transpose();
-        step.advance_covariance(&mut covariance);
+        step.advance_covariance(&mut covariance, &[0, 9]);
         assert!((covariance - expected).norm() < 1e-9);
     }
 
@@ -152,7 +163,7 @@ mod tests {
             let step = Step::new(1.0 / f64::from(steps), process);
             let mut covariance = DMatrix::zeros(9, 9);
             for _ in 0..steps {
-                step.advance_covariance(&mut covariance);
+                step.advance_covariance(&mut covariance, &[0]);
                 step.add_noise(&mut covariance, 0, &up, process);
             }
             covariance

@@ -1,10 +1,19 @@
 //! Joint estimator of the hub: its input are aligned epochs, its output fused and constrained epochs. No I/O.
 
-use crate::constraint::{Constraint, ConstraintAction, ConstraintOptions, Distance, constrain};
-use crate::filter::{FilterOptions, JointFilter, PhoneState, Start};
-use crate::skips::{Reason, Skips};
+use super::group::{Filters, GroupState};
+use crate::constraint::second::carry;
+use crate::constraint::{
+    Constrained, ConstrainedState, Constraint, ConstraintAction, ConstraintOptions, ConstraintOutcome,
+    Distance, SkipReason, apply, excess_sigmas,
+};
+use crate::filter::{FilterOptions, PhoneState, UpdateReport};
+use crate::integrity::{Cause, Verdict};
+use crate::skips::Skips;
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
+
+/// Share of [`ConstraintOptions::contradiction_sigmas`] at which a constraint is doubted.
+const DOUBTED_SHARE: f64 = 0.5;
 
 /// A constraint and its period of validity.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,22 +27,16 @@ pub struct ScheduledConstraint {
 }
 
 /// Options of the engine.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct EngineOptions {
     /// Options of the joint filter.
     pub filter: FilterOptions,
     /// Options of the constraints.
     pub constraints: ConstraintOptions,
-    /// Whether the filter continues with the constrained state (as in Peng 2023), so that phones improve each other over time. Without
-    /// feedback constraints only affect the output. With feedback a quantity near its bound is biased inwards, because a bound that holds
-    /// at every epoch is applied at every epoch.
+    /// Whether one joint filter continues with the constrained state, as in Peng 2023. A bound that holds all the time then counts at every
+    /// epoch, a quantity near its bound is biased inwards, and a wrong bound spoils the state. Without feedback every phone has a filter
+    /// that no constraint touches, and constraints act on the output.
     pub feedback: bool,
-}
-
-impl Default for EngineOptions {
-    fn default() -> Self {
-        Self { filter: FilterOptions::default(), constraints: ConstraintOptions::default(), feedback: true }
-    }
 }
 
 impl EngineOptions {
@@ -57,12 +60,19 @@ pub struct FusedEpoch {
 }
 
 /// One phone in a fused epoch.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct FusedPhone {
     /// Message of the phone for this epoch; `None` if there is none.
     pub message: Option<EpochMessage>,
     /// Fused state at the common time; `None` before initialisation.
     pub state: Option<PhoneState>,
+    /// State at the common time without any constraint.
+    pub free: Option<PhoneState>,
+    /// The verdict on the fused state: that of the message, and unreliable where the phone's measurements doubt a constraint on it; `None`
+    /// without a message.
+    pub verdict: Option<Verdict>,
+    /// What the phone's filter made of the message; `None` without one, or where it started the phone.
+    pub update: Option<UpdateReport>,
 }
 
 /// Distance between two phones after fusion.
@@ -85,19 +95,22 @@ pub struct Engine {
     phones: Vec<String>,
     constraints: Vec<ScheduledConstraint>,
     options: EngineOptions,
-    filter: JointFilter,
+    filters: Filters,
+    /// Time of the last fused epoch.
+    time_gps: GpsTime,
     skips: Skips,
 }
 
 impl Engine {
     /// An engine for the named phones.
     pub fn new(phones: &[String], constraints: Vec<ScheduledConstraint>, options: EngineOptions) -> Self {
-        let filter = JointFilter::new(options.filter);
-        Self { phones: phones.to_vec(), constraints, options, filter, skips: Skips::default() }
+        let filters = Filters::new(phones.len(), &options);
+        let (phones, time_gps, skips) = (phones.to_vec(), GpsTime::default(), Skips::default());
+        Self { phones, constraints, options, filters, time_gps, skips }
     }
 
-    /// Fuses the messages of one aligned epoch, at most one per phone. Each message updates the filter at its own receive time, in order of
-    /// time; constraints are applied at the latest of these times.
+    /// Fuses the messages of one aligned epoch, at most one per phone. Each message updates its phone's filter at its own receive time;
+    /// constraints are applied at the latest of these times.
     pub fn step(&mut self, messages: Vec<Option<EpochMessage>>) -> FusedEpoch {
         let mut order: Vec<(GpsTime, usize)> = messages
             .iter()
@@ -105,32 +118,39 @@ impl Engine {
             .filter_map(|(phone, message)| message.as_ref().map(|m| (m.time_gps, phone)))
             .collect();
         order.sort_unstable();
+        let mut updates = vec![None; messages.len()];
         for (_, phone) in &order {
-            if let Some(Some(message)) = messages.get(*phone) {
-                self.admit(*phone, message);
+            if let Some((Some(message), update)) = messages.get(*phone).zip(updates.get_mut(*phone)) {
+                *update = self.filters.admit(*phone, message, &self.phones, &mut self.skips);
             }
         }
-        let time_gps = order.last().map_or(self.filter.time_gps(), |(time, _)| *time);
-        let kept = (!self.options.feedback).then(|| self.filter.clone());
-        let actions = self.constrain(time_gps);
-        let distances = self.distances(time_gps);
+        if let Some((time_gps, _)) = order.last() {
+            self.time_gps = *time_gps;
+        }
+        self.filters.predict(self.time_gps, &self.phones, &mut self.skips);
+        let free = self.filters.free();
+        let mut group = self.filters.prior().unwrap_or_else(|| free.clone());
+        let actions = self.constrain(&mut group, &free);
+        let doubted = self.doubted(&group, &free);
+        self.filters.go_on_with(&group);
+        let distances = self.distances(&group);
         let phones = messages
             .into_iter()
             .enumerate()
             .map(|(phone, message)| FusedPhone {
+                verdict: message.as_ref().map(|message| verdict(message, doubted.contains(&phone))),
                 message,
-                state: self.filter.slot(phone).and_then(|slot| self.filter.state(slot)),
+                state: group.slot(phone).and_then(|slot| group.state(slot)),
+                free: free.slot(phone).and_then(|slot| free.state(slot)),
+                update: updates.get(phone).copied().flatten(),
             })
             .collect();
-        if let Some(unconstrained) = kept {
-            self.filter = unconstrained;
-        }
-        FusedEpoch { time_gps, phones, actions, distances }
+        FusedEpoch { time_gps: self.time_gps, phones, actions, distances }
     }
 
     /// Discards all states, so that the next messages may be earlier than the last ones. Phones restart from their next solutions.
     pub fn restart(&mut self) {
-        self.filter = JointFilter::new(self.options.filter);
+        self.filters = Filters::new(self.phones.len(), &self.options);
     }
 
     /// All constraints, whether valid now or not.
@@ -143,111 +163,121 @@ impl Engine {
         &self.skips
     }
 
-    fn admit(&mut self, phone: usize, message: &EpochMessage) {
-        if !self.filter.is_empty() && message.time_gps < self.filter.time_gps() {
-            let (name, time) = (&message.phone, message.time_gps);
-            let late_s = self.filter.time_gps() - time;
-            self.skips.add(Reason::EpochBeforeFilterTime, || format!("{name} at {time}, {late_s:.3} s late"));
-            return;
-        }
-        self.drop_silent(message.time_gps);
-        self.filter.predict(message.time_gps);
-        let slot = self.filter.slot(phone);
-        let lost = slot.is_some_and(|slot| self.filter.is_lost(slot));
-        match (slot, &message.wls) {
-            (_, Some(solution)) if slot.is_none() || lost => {
-                if lost {
-                    self.skips.add(Reason::LostPhoneRestarted, || {
-                        format!(
-                            "{} at {}: its pseudoranges contradict the prediction",
-                            message.phone, message.time_gps
-                        )
-                    });
-                }
-                self.filter.insert(
-                    phone,
-                    message.time_gps,
-                    &Start::at_solution(solution, message.raim.verdict),
-                );
-            }
-            (Some(slot), _) if !message.observations.is_empty() => {
-                self.filter.update(slot, &message.observations);
-            }
-            _ => {}
-        }
-        self.remove_unsound(phone, message);
-    }
-
-    /// Removes the phone whose message made the state not finite or not positive definite. If the state is still unsound, the whole filter
-    /// restarts.
-    /// Phones return with their next solution.
-    fn remove_unsound(&mut self, phone: usize, message: &EpochMessage) {
-        if self.filter.is_sound() {
-            return;
-        }
-        let describe = || format!("state not sound after {} at {}", message.phone, message.time_gps);
-        if let Some(slot) = self.filter.slot(phone) {
-            self.filter.remove(slot);
-            self.skips.add(Reason::PhoneTakenOutOfFilter, describe);
-        }
-        if !self.filter.is_sound() {
-            self.filter = JointFilter::new(self.options.filter);
-            self.skips.add(Reason::JointFilterRestarted, describe);
-        }
-    }
-
-    /// Removes phones whose silence is too long for prediction.
-    fn drop_silent(&mut self, time_gps: GpsTime) {
-        for (phone, silence_s) in self.filter.drop_silent(time_gps) {
-            let name = self.phones.get(phone).map_or("?", String::as_str);
-            self.skips
-                .add(Reason::SilentPhoneDropped, || format!("{name} at {time_gps} after {silence_s:.1} s"));
-        }
-    }
-
     /// The valid constraints whose phones are all present: index in [`Self::constraints`] and constraint with phones by slot.
-    fn in_force(&self, time_gps: GpsTime) -> impl Iterator<Item = (usize, Constraint)> + '_ {
+    fn in_force<'a>(&'a self, group: &'a GroupState) -> impl Iterator<Item = (usize, Constraint)> + 'a {
+        let time_gps = self.time_gps;
         self.constraints
             .iter()
             .enumerate()
             .filter(move |(_, c)| {
                 c.from_gps.is_none_or(|from| from <= time_gps) && c.to_gps.is_none_or(|to| time_gps <= to)
             })
-            .filter_map(|(place, c)| Some((place, c.constraint.mapped(|phone| self.filter.slot(phone))?)))
+            .filter_map(|(place, c)| Some((place, c.constraint.mapped(|phone| group.slot(phone))?)))
     }
 
-    fn constrain(&mut self, time_gps: GpsTime) -> Vec<ConstraintAction> {
-        let (places, on_slots): (Vec<_>, Vec<_>) = self.in_force(time_gps).unzip();
-        if on_slots.is_empty() {
-            return Vec::new();
+    /// Applies the constraints in force that the free distribution does not contradict.
+    fn constrain(&self, group: &mut GroupState, free: &GroupState) -> Vec<ConstraintAction> {
+        let options = &self.options.constraints;
+        let (mut places, mut on_slots, mut contradicted) = (Vec::new(), Vec::new(), Vec::new());
+        for (place, constraint) in self.in_force(group) {
+            let sigmas = self.free_sigmas(place, free);
+            if sigmas > options.contradiction_sigmas {
+                contradicted.extend(self.contradiction(place, constraint, sigmas, group));
+            } else {
+                places.push((place, sigmas));
+                on_slots.push(constraint);
+            }
         }
-        let (mean, covariance) = self.filter.distribution_mut();
-        let actions = constrain(mean, covariance, &on_slots, &self.options.constraints);
+        if on_slots.is_empty() {
+            return contradicted;
+        }
+        let before = group.second.as_ref().map(|_| group.covariance.clone());
+        let obedient = ConstraintOptions { contradiction_sigmas: f64::INFINITY, ..*options };
+        let Constrained { actions, applied } =
+            apply(&mut group.mean, &mut group.covariance, &on_slots, &obedient);
+        if let Some((second, before)) = group.second.as_mut().zip(before) {
+            carry(&before, &applied, second);
+        }
         let named = |action: ConstraintAction| {
             // Outside the engine phones and constraints are identified by their index in the group.
-            let index = *places.get(action.index)?;
-            Some(ConstraintAction { index, constraint: self.constraints.get(index)?.constraint, ..action })
+            let (index, free_sigmas) = *places.get(action.index)?;
+            let constraint = self.constraints.get(index)?.constraint;
+            Some(ConstraintAction { index, constraint, free_sigmas, ..action })
         };
-        actions.into_iter().filter_map(named).collect()
+        let mut all: Vec<ConstraintAction> =
+            actions.into_iter().filter_map(named).chain(contradicted).collect();
+        all.sort_by_key(|action| action.index);
+        all
     }
 
-    fn distances(&self, time_gps: GpsTime) -> Vec<PairDistance> {
-        self.in_force(time_gps).filter_map(|(place, on_slots)| self.distance(place, on_slots)).collect()
+    /// Excess of the free distribution over a constraint, in standard deviations of that distribution.
+    fn free_sigmas(&self, place: usize, free: &GroupState) -> f64 {
+        let constraint = self.constraints.get(place).map(|scheduled| scheduled.constraint);
+        let on_slots = constraint.and_then(|constraint| constraint.mapped(|phone| free.slot(phone)));
+        let options = &self.options.constraints;
+        on_slots.map_or(0.0, |on_slots| {
+            let at = ConstrainedState { state: &free.mean, covariance: &free.covariance, options };
+            excess_sigmas(&on_slots, &at)
+        })
     }
 
-    fn distance(&self, place: usize, on_slots: Constraint) -> Option<PairDistance> {
+    /// The report on a constraint that is not applied because the free distribution contradicts it.
+    fn contradiction(
+        &self,
+        index: usize,
+        on_slots: Constraint,
+        free_sigmas: f64,
+        group: &GroupState,
+    ) -> Option<ConstraintAction> {
+        let value = on_slots.value(&group.mean, self.options.constraints.horizon_s).unwrap_or(f64::NAN);
+        Some(ConstraintAction {
+            index,
+            constraint: self.constraints.get(index)?.constraint,
+            before: value,
+            free_sigmas,
+            after: value,
+            shift_m: 0.0,
+            enlargements: 0,
+            outcome: ConstraintOutcome::Skipped(SkipReason::Contradicted),
+        })
+    }
+
+    /// The phones of constraints that the free distribution exceeds by more than half of what is a contradiction.
+    fn doubted(&self, group: &GroupState, free: &GroupState) -> Vec<usize> {
+        let limit = DOUBTED_SHARE * self.options.constraints.contradiction_sigmas;
+        let is_doubted = |(place, _): &(usize, Constraint)| self.free_sigmas(*place, free) > limit;
+        let doubted = self.in_force(group).filter(is_doubted);
+        doubted
+            .filter_map(|(place, _)| self.constraints.get(place))
+            .flat_map(|scheduled| scheduled.constraint.phones().to_vec())
+            .collect()
+    }
+
+    fn distances(&self, group: &GroupState) -> Vec<PairDistance> {
+        self.in_force(group).filter_map(|(place, on_slots)| self.distance(group, place, on_slots)).collect()
+    }
+
+    fn distance(&self, group: &GroupState, place: usize, on_slots: Constraint) -> Option<PairDistance> {
         let Constraint::Distance(Distance { phones: [a, b], minimum_m, maximum_m }) = on_slots else {
             return None;
         };
         let &[first, second] = self.constraints.get(place)?.constraint.phones() else { return None };
-        let (at, bt) = (self.filter.state(a)?, self.filter.state(b)?);
+        let (at, bt) = (group.state(a)?, group.state(b)?);
         Some(PairDistance {
             phones: (first, second),
             distance_m: at.position().distance_m(bt.position()),
-            sigma_m: self.filter.distance_sigma_m(a, b)?,
+            sigma_m: group.distance_sigma_m(a, b)?,
             minimum_m,
             maximum_m,
         })
+    }
+}
+
+/// The verdict on a fused position: the phone's own, unless its measurements doubt a constraint on it.
+const fn verdict(message: &EpochMessage, is_doubted: bool) -> Verdict {
+    match message.raim.verdict {
+        Verdict::Reliable if is_doubted => Verdict::Unreliable(Cause::Constraint),
+        own => own,
     }
 }
 

@@ -48,6 +48,8 @@ pub enum Cause {
     InsufficientRedundancy,
     /// A dilution of precision is beyond its limit.
     Geometry,
+    /// What is known about the phones contradicts the phone's own measurements.
+    Constraint,
     /// A protection level is beyond its alarm limit.
     AlarmLimit,
     /// The global test still fails after all permitted exclusions.
@@ -60,6 +62,7 @@ impl fmt::Display for Verdict {
             Self::Reliable => "reliable",
             Self::Unreliable(Cause::InsufficientRedundancy) => "unreliable: insufficient redundancy",
             Self::Unreliable(Cause::Geometry) => "unreliable: geometry",
+            Self::Unreliable(Cause::Constraint) => "unreliable: contradicts a constraint",
             Self::Unreliable(Cause::AlarmLimit) => "unreliable: alarm limit",
             Self::Unreliable(Cause::TestsFailed) => "unreliable: tests failed",
             Self::CannotBeChecked => "cannot be checked",

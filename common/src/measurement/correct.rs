@@ -7,7 +7,7 @@ use super::exclusion::{Exclusion, Exclusions};
 use super::given::RecordedObservation;
 use super::pair::Ionosphere;
 use super::prepared::PreparedObservation;
-use super::{CorrectedObservation, RangeRate, StochasticModel, Usage};
+use super::{CorrectedObservation, RangeRate, SharedError, StochasticModel, Usage};
 use crate::atmosphere::{STANDARD_RELATIVE_HUMIDITY, saastamoinen_delay_m};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
@@ -54,7 +54,7 @@ impl Default for CorrectionOptions {
             exclude: Vec::new(),
             stochastic: StochasticModel::default(),
             unknown_group_delay_sigma_m: 2.0,
-            beidou_bias_sigma_m: 2.0,
+            beidou_bias_sigma_m: 2.5,
             glonass_bias_sigma_m: 3.0,
             relative_humidity: STANDARD_RELATIVE_HUMIDITY,
         }
@@ -364,6 +364,7 @@ impl Rotated {
             signal: prepared.second.map_or(prepared.observation.signal, |second| second.pair),
             pseudorange_m,
             pseudorange_sigma_m,
+            shared: SharedError::default(),
             range_rate: prepared
                 .range_rate_mps
                 .map(|range_rate_mps| RangeRate { range_rate_mps, sigma_mps: rate_sigma_mps }),
@@ -412,13 +413,16 @@ impl View<'_> {
         });
         let variance = prepared.satellite_variance_m2 + signals_m2;
         let rate = self.options.stochastic.rate;
-        seen.rotated.observation(
+        let satellite_m2 = prepared.satellite_variance_m2 + prepared.signal_variance_m2;
+        let shared = SharedError { satellite_sigma_m: satellite_m2.min(variance).sqrt(), ionosphere_m };
+        let observation = seen.rotated.observation(
             prepared,
             seen.direction,
             prepared.pseudorange_m - ionosphere_m - troposphere_m,
             variance.sqrt(),
             rate.variance(cn0_dbhz, elevation_rad).sqrt(),
-        )
+        );
+        CorrectedObservation { shared, ..observation }
     }
 
     /// Variance of a code by the model, or, without a C/N0, by the recording, m².

@@ -60,6 +60,8 @@ pub struct CorrectedObservation {
     pub pseudorange_m: f64,
     /// Standard deviation of the pseudorange by the stochastic model, m.
     pub pseudorange_sigma_m: f64,
+    /// Errors of the pseudorange that other receivers of the satellite have too.
+    pub shared: SharedError,
     /// Corrected range rate, if there was a Doppler.
     pub range_rate: Option<RangeRate>,
     /// Carrier-to-noise density, dB-Hz, if recorded.
@@ -74,6 +76,16 @@ pub struct CorrectedObservation {
     pub usage: Usage,
     /// Residual after the phone's own epoch-wise solution, m (observed − computed); `None` without a solution.
     pub residual_m: Option<f64>,
+}
+
+/// Errors of a corrected pseudorange that all receivers of the satellite have alike. They last for hours, and no mean over phones or
+/// epochs removes them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SharedError {
+    /// Standard deviation of orbit, clock and group delay together, m. It is part of [`CorrectedObservation::pseudorange_sigma_m`].
+    pub satellite_sigma_m: f64,
+    /// Ionospheric delay that a model removed from this signal, m, and that is wrong by a share of it. 0 for ionosphere-free pairs.
+    pub ionosphere_m: f64,
 }
 
 /// A corrected range rate.
@@ -95,6 +107,11 @@ pub enum Usage {
 }
 
 impl CorrectedObservation {
+    /// Variance of the pseudorange without its shared errors, m²: noise and multipath of this receiver.
+    pub fn noise_variance_m2(&self) -> f64 {
+        (self.pseudorange_sigma_m.powi(2) - self.shared.satellite_sigma_m.powi(2)).max(0.0)
+    }
+
     /// Receiver clock of this observation.
     pub const fn clock_group(&self) -> ClockGroup {
         ClockGroup { constellation: self.satellite.constellation, band: self.signal.band }

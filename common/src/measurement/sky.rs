@@ -1,6 +1,6 @@
 //! Simulated sky for unit tests: corrected observations of satellites in given directions, without errors.
 
-use super::{CorrectedObservation, RangeRate, Usage};
+use super::{CorrectedObservation, RangeRate, SharedError, Usage};
 use crate::frames::{Direction, Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 
@@ -58,6 +58,7 @@ impl Receiver {
             signal: SignalCode::new(b'1', b'C'),
             pseudorange_m: range_m + clock_m,
             pseudorange_sigma_m: 1.0 + 0.1 * number,
+            shared: SharedError::default(),
             range_rate: Some(RangeRate {
                 range_rate_mps: u.dot(&(satellite_velocity.0 - self.velocity.0)) + self.drift_mps,
                 sigma_mps: 0.1,

@@ -18,10 +18,10 @@ pub use document::Document;
 pub use place::line_of;
 pub use table::Entry;
 pub use tables::{
-    AlignmentKeys, AlignmentSettings, BaseKeys, BaseSettings, CodeVariance, CodeVarianceKeys, Combination,
-    ConstraintKeys, ConstraintSettings, CorrectionKeys, CorrectionSettings, DistanceForm, FilterKeys,
-    FilterSettings, IntegrityKeys, IntegritySettings, Preset, RateVariance, RateVarianceKeys, Settings,
-    SettingsKeys, StochasticKeys, StochasticSettings, VarianceForm, Widening,
+    AlignmentKeys, AlignmentSettings, BaseKeys, BaseSettings, Carrier, CodeVariance, CodeVarianceKeys,
+    Combination, ConstraintKeys, ConstraintSettings, CorrectionKeys, CorrectionSettings, DistanceForm,
+    FilterKeys, FilterSettings, IntegrityKeys, IntegritySettings, Preset, RateVariance, RateVarianceKeys,
+    Settings, SettingsKeys, StochasticKeys, StochasticSettings, VarianceForm, Widening,
 };
 
 use table::Word;

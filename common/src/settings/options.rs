@@ -4,12 +4,12 @@
 use std::time::Duration;
 
 use super::tables::{
-    AlignmentSettings, BaseSettings, CodeVariance, Combination, ConstraintSettings, CorrectionSettings,
-    DistanceForm, FilterSettings, IntegritySettings, Preset, RateVariance, Settings, StochasticSettings,
-    VarianceForm, Widening,
+    AlignmentSettings, BaseSettings, Carrier, CodeVariance, Combination, ConstraintSettings,
+    CorrectionSettings, DistanceForm, FilterSettings, IntegritySettings, Preset, RateVariance, Settings,
+    StochasticSettings, VarianceForm, Widening,
 };
 use crate::constraint::{ConstraintOptions, DistanceModel, Enlargement, HeadingGate, Method};
-use crate::filter::{FilterOptions, ProcessNoise, RobustWeights};
+use crate::filter::{CodeNoise, FilterOptions, Motion, ProcessNoise, RobustWeights, SharedErrors};
 use crate::fusion::align::AlignOptions;
 use crate::fusion::engine::EngineOptions;
 use crate::integrity::{DopLimits, RaimOptions};
@@ -232,17 +232,28 @@ impl IntegritySettings {
 }
 
 impl FilterSettings {
-    const fn of(options: &FilterOptions) -> Self {
+    fn of(options: &FilterOptions) -> Self {
         let ProcessNoise { horizontal_m2ps5, vertical_m2ps5, acceleration_time_s } = options.process;
         let RobustWeights { keep, reject } = options.robust;
+        let shared = options.shared;
         Self {
+            motion: Carrier::of(options.process),
             horizontal_jerk_m2ps5: horizontal_m2ps5,
             vertical_jerk_m2ps5: vertical_m2ps5,
             acceleration_time_s,
-            code_sigma_scale: options.code_sigma_scale,
+            start_speed_mps: options.start_speed_mps,
+            code_correlated_share: options.code_noise.correlated_share,
+            code_correlation_time_s: options.code_noise.correlation_time_s,
             rate_sigma_scale: options.rate_sigma_scale,
             robust_keep_sigmas: keep,
             robust_reject_sigmas: reject,
+            raim_selection: options.only_used,
+            bias_walk_m2ps: options.bias_walk_m2ps,
+            shared_satellite_sigma_m: shared.satellite_sigma_m,
+            shared_satellite_share: shared.satellite_share,
+            shared_ionosphere_share: shared.ionosphere_share,
+            shared_gradient_share: shared.gradient_share,
+            shared_time_constant_s: shared.time_constant_s,
             maximum_gap_s: options.maximum_gap_s,
         }
     }
@@ -254,11 +265,43 @@ impl FilterSettings {
                 vertical_m2ps5: self.vertical_jerk_m2ps5,
                 acceleration_time_s: self.acceleration_time_s,
             },
-            code_sigma_scale: self.code_sigma_scale,
+            start_speed_mps: self.start_speed_mps,
+            code_noise: CodeNoise {
+                correlated_share: self.code_correlated_share,
+                correlation_time_s: self.code_correlation_time_s,
+            },
             rate_sigma_scale: self.rate_sigma_scale,
             robust: RobustWeights { keep: self.robust_keep_sigmas, reject: self.robust_reject_sigmas },
+            only_used: self.raim_selection,
+            bias_walk_m2ps: self.bias_walk_m2ps,
+            shared: SharedErrors {
+                satellite_sigma_m: self.shared_satellite_sigma_m,
+                satellite_share: self.shared_satellite_share,
+                ionosphere_share: self.shared_ionosphere_share,
+                gradient_share: self.shared_gradient_share,
+                time_constant_s: self.shared_time_constant_s,
+            },
             maximum_gap_s: self.maximum_gap_s,
         }
+    }
+}
+
+impl Carrier {
+    /// The motion of this name; `None` for values of one's own.
+    pub(super) const fn motion(self) -> Option<Motion> {
+        match self {
+            Self::Road => Some(Motion::Road),
+            Self::Walk => Some(Motion::Walk),
+            Self::Air => Some(Motion::Air),
+            Self::Static => Some(Motion::Static),
+            Self::Own => None,
+        }
+    }
+
+    fn of(process: ProcessNoise) -> Self {
+        let named = [Self::Road, Self::Walk, Self::Air, Self::Static];
+        let is_it = |carrier: &Self| carrier.motion().is_some_and(|motion| motion.process() == process);
+        named.into_iter().find(is_it).unwrap_or(Self::Own)
     }
 }
 
@@ -288,6 +331,7 @@ impl ConstraintSettings {
             distance_model: match options.distance_model {
                 DistanceModel::Radial => DistanceForm::Radial,
                 DistanceModel::Box => DistanceForm::Box,
+                DistanceModel::Ball => DistanceForm::Ball,
             },
             horizon_s: options.horizon_s,
             heading_minimum_speed_mps: options.heading_gate.minimum_speed_mps,
@@ -312,6 +356,7 @@ impl ConstraintSettings {
             distance_model: match self.distance_model {
                 DistanceForm::Radial => DistanceModel::Radial,
                 DistanceForm::Box => DistanceModel::Box,
+                DistanceForm::Ball => DistanceModel::Ball,
             },
             horizon_s: self.horizon_s,
             heading_gate: HeadingGate {

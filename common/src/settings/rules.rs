@@ -79,6 +79,22 @@ impl Rules for RateVariance {
 }
 
 impl Rules for FilterSettings {
+    fn apply_choices(&mut self, is_given: &dyn Fn(&str) -> bool) {
+        let Some(motion) = self.motion.motion().filter(|_| is_given("motion")) else { return };
+        let process = motion.process();
+        let values = [
+            ("horizontal_jerk_m2ps5", &mut self.horizontal_jerk_m2ps5, process.horizontal_m2ps5),
+            ("vertical_jerk_m2ps5", &mut self.vertical_jerk_m2ps5, process.vertical_m2ps5),
+            ("acceleration_time_s", &mut self.acceleration_time_s, process.acceleration_time_s),
+            ("start_speed_mps", &mut self.start_speed_mps, motion.speed_mps()),
+        ];
+        for (key, value, of_motion) in values {
+            if !is_given(key) {
+                *value = of_motion;
+            }
+        }
+    }
+
     fn contradiction(&self) -> Option<(&'static str, String)> {
         let Self { robust_keep_sigmas: keep, robust_reject_sigmas: reject, .. } = self;
         (keep > reject).then(|| {

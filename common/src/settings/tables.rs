@@ -46,10 +46,28 @@ pub enum Combination {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DistanceForm {
+    /// Three axes, and equally likely anywhere in the ball.
+    Ball,
     /// Three axes.
     Box,
     /// The line between the phones.
     Radial,
+}
+
+/// How phones are carried; see [`crate::filter::Motion`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Carrier {
+    /// In a road vehicle.
+    Road,
+    /// On foot, on a bicycle, in a lift.
+    Walk,
+    /// On an aircraft or a drone.
+    Air,
+    /// Standing still.
+    Static,
+    /// As the keys of the motion model say.
+    Own,
 }
 
 /// Treatment of an interval that the state contradicts; see [`crate::constraint::Enlargement`].
@@ -71,7 +89,10 @@ words! {
     Combination {
         "expectation-propagation" => Self::ExpectationPropagation, "sequential" => Self::Sequential,
     }
-    DistanceForm { "box" => Self::Box, "radial" => Self::Radial }
+    DistanceForm { "ball" => Self::Ball, "box" => Self::Box, "radial" => Self::Radial }
+    Carrier {
+        "road" => Self::Road, "walk" => Self::Walk, "air" => Self::Air, "static" => Self::Static, "own" => Self::Own,
+    }
     Widening { "fixed" => Self::Fixed, "peng" => Self::Peng }
 }
 
@@ -195,22 +216,44 @@ tables! {
 
     /// How phones move, and how measurements are weighed; of the phone's own filter and of the joint one.
     FilterSettings by FilterKeys {
+        /// How the phones are carried: in a road vehicle; on foot, on a bicycle or in a lift; on an aircraft or a drone; standing still.
+        /// It decides the four keys of the motion model that a file does not give; own leaves them as they are.
+        motion: Carrier = ["word", ()];
         /// Spectral density of the horizontal jerk.
         horizontal_jerk_m2ps5: f64 = ["m²/s⁵", 0.0..=1e6];
         /// Spectral density of the vertical jerk.
         vertical_jerk_m2ps5: f64 = ["m²/s⁵", 0.0..=1e6];
         /// Time constant with which an acceleration decays; inf keeps it constant.
         acceleration_time_s: f64 = ["s", 0.1..=f64::INFINITY];
-        /// Factor on the standard deviation of pseudoranges: multipath is correlated from epoch to epoch, and a filter that takes it for
-        /// white noise trusts it too much.
-        code_sigma_scale: f64 = ["no unit", 0.01..=100.0];
+        /// Standard deviation of each component of a phone's velocity at its start, without Doppler.
+        start_speed_mps: f64 = ["m/s", 0.001..=1000.0];
+        /// Share of the variance of a pseudorange that is correlated in time, as multipath is. A filter that takes it for white noise trusts
+        /// it too much.
+        code_correlated_share: f64 = ["no unit", 0.0..=1.0];
+        /// Time constant of that correlation.
+        code_correlation_time_s: f64 = ["s", 0.1..=3600.0];
         /// Factor on the standard deviation of range rates.
         rate_sigma_scale: f64 = ["no unit", 0.01..=100.0];
         /// Innovation up to which a measurement has its full weight; inf never weighs one down.
         robust_keep_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
         /// Innovation from which on a measurement has no weight; not below robust_keep_sigmas.
         robust_reject_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
-        /// A phone that is silent for longer than this begins anew in the filter.
+        /// Whether the filter takes only the observations that RAIM kept; if not, it judges all by their innovations.
+        raim_selection: bool = ["switch", ()];
+        /// Spectral density of the random walk of the biases between a receiver's constellations and bands; inf gives each a clock of its own
+        /// at every epoch.
+        bias_walk_m2ps: f64 = ["m²/s", 0.0..=f64::INFINITY];
+        /// For the stated covariance: smallest standard deviation of a satellite's orbit, clock and group delay together.
+        shared_satellite_sigma_m: f64 = ["m", 0.0..=100.0];
+        /// For the stated covariance: share of the standard deviation that products state for them, where that is larger.
+        shared_satellite_share: f64 = ["no unit", 0.0..=10.0];
+        /// For the stated covariance: error of the modelled ionospheric delay at the zenith, as a share of it.
+        shared_ionosphere_share: f64 = ["no unit", 0.0..=10.0];
+        /// For the stated covariance: change of that share towards a pierce point 0.05 rad (320 km) away, of what exceeds the night's delay.
+        shared_gradient_share: f64 = ["no unit", 0.0..=10.0];
+        /// Time constant of these errors, which all phones have alike.
+        shared_time_constant_s: f64 = ["s", 1.0..=1e6];
+        /// A phone that is silent for longer than this, and for 3.5 of its own intervals, begins anew in the filter.
         maximum_gap_s: f64 = ["s", 0.1..=3600.0];
         beside /// The values that all keys have which a file leaves out.
         preset: Preset;
@@ -234,7 +277,7 @@ tables! {
         maximum_enlargements: Option<u32> = ["times", 1..=1000];
         /// Whether a constraint acts on a state whose mean is within its bounds already, for its tails are not.
         act_when_inside: bool = ["switch", ()];
-        /// What a distance bounds: the difference of two phones on three axes, or only on the line between them.
+        /// What a distance bounds: the difference of two phones as a vector in a ball, on three axes, or only on the line between them.
         distance_model: DistanceForm = ["word", ()];
         /// Time over which velocity constraints look ahead with the acceleration; 0 constrains the velocity itself.
         horizon_s: f64 = ["s", 0.0..=60.0];
@@ -246,7 +289,8 @@ tables! {
         contradiction_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
         /// Largest number of times that a distance is linearised anew at one refresh.
         maximum_relinearisations: u32 = ["times", 1..=100];
-        /// Whether the filter goes on with the constrained state; if not, constraints act only on the states that are given out.
+        /// Whether one joint filter goes on with the constrained state, as in Peng 2023; if not, every phone has a filter without constraints,
+        /// and constraints act on the states that are given out.
         feedback: bool = ["switch", ()];
     }
 

@@ -58,7 +58,7 @@ fn printed_settings_read_back_to_themselves() {
         let mut settings = Settings::preset(preset);
         let text = settings.document(preset).to_string();
         assert_eq!(read(&text), Ok(settings), "{text}");
-        settings.filter.code_sigma_scale = 1.0 / 3.0;
+        settings.filter.rate_sigma_scale = 1.0 / 3.0;
         settings.constraints.contradiction_sigmas = f64::INFINITY;
         settings.correction.base.keep_uncorrected = false;
         settings.stochastic.code = CodeVariance {
@@ -79,7 +79,7 @@ fn settings_are_serialised_and_read_whole() {
         let settings = Settings::preset(preset);
         let text = toml::to_string(&settings).unwrap();
         assert_eq!(toml::from_str::<Settings>(&text).unwrap(), settings);
-        let strange = text.replace("code_sigma_scale", "code_sigma_scales");
+        let strange = text.replace("rate_sigma_scale", "rate_sigma_scales");
         assert!(toml::from_str::<Settings>(&strange).is_err());
     }
 }
@@ -155,10 +155,10 @@ fn the_ends_of_the_ranges_are_allowed() {
             let (low, high) = entry.range.split_once(" to ").unwrap();
             for end in [low, high] {
                 let end = if end.contains(['.', 'e', 'i']) { end.to_owned() } else { format!("{end}.0") };
-                let others = "code_sigma_scale = 1.0";
+                let others = "rate_sigma_scale = 1.0";
                 let text =
                     format!("filter.preset = '{}'\nfilter.{others}\n{} = {end}", preset.name(), entry.path());
-                let text = if entry.key == "code_sigma_scale" {
+                let text = if entry.key == "rate_sigma_scale" {
                     text.replace(&format!("filter.{others}\n"), "")
                 } else {
                     text
@@ -264,8 +264,8 @@ fn choices_take_and_refuse_their_keys() {
         ),
         ("[constraints]\nenlargement_factor = 2", "leave it out with enlargement = \"fixed\""),
         (
-            "[filter]\n\nrobust_reject_sigmas = 1.5",
-            "line 3: [filter] robust_reject_sigmas is 1.5; it must not be below robust_keep_sigmas, 2",
+            "[filter]\n\nrobust_reject_sigmas = 0.5",
+            "line 3: [filter] robust_reject_sigmas is 0.5; it must not be below robust_keep_sigmas, 1",
         ),
         ("[alignment]\nsimultaneous_s = 0.6", "line 2: [alignment] simultaneous_s is 0.6"),
     ] {

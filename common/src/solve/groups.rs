@@ -30,6 +30,11 @@ impl ClockGroups {
         self.groups.len()
     }
 
+    /// The groups.
+    pub fn list(&self) -> &[ClockGroup] {
+        &self.groups
+    }
+
     /// Index of a group; every observation from which the groups were made has one.
     pub fn index(&self, group: ClockGroup) -> usize {
         self.groups.iter().position(|g| *g == group).unwrap_or_default()

@@ -7,7 +7,7 @@ use crate::filter::PhoneState;
 use crate::frames::{Direction, Ecef, EcefVector};
 use crate::gnss::{ClockGroup, Constellation, SatelliteId, SignalCode};
 use crate::integrity::{GlobalTest, RaimReport, Verdict};
-use crate::measurement::{CorrectedObservation, RangeRate, Usage};
+use crate::measurement::{CorrectedObservation, RangeRate, SharedError, Usage};
 use crate::solve::{Dops, PointSolution, VelocitySolution};
 use crate::time::GpsTime;
 
@@ -18,6 +18,7 @@ pub(super) fn observation(number: u8) -> CorrectedObservation {
         signal: SignalCode::new(b'1', b'C'),
         pseudorange_m: 22.1e6 + f64::from(number),
         pseudorange_sigma_m: 3.5,
+        shared: SharedError { satellite_sigma_m: 1.25, ionosphere_m: 2.75 },
         range_rate: Some(RangeRate { range_rate_mps: -431.25, sigma_mps: 0.3 }),
         cn0_dbhz: Some(38.5),
         direction: Direction { azimuth_rad: 1.25, elevation_rad: 0.75 },

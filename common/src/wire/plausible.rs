@@ -26,6 +26,8 @@ const LATEST_NANOS: i64 = 6_942_153_600_000_000_000;
 const SIGMA: RangeInclusive<f64> = 1e-3..=1e4;
 /// Range rates: Doppler up to its limit (200 kHz) on the longest wavelength in use.
 const RANGE_RATE_MPS: RangeInclusive<f64> = -6e4..=6e4;
+/// Ionospheric delays; a recording may state one below zero.
+const IONOSPHERE_M: RangeInclusive<f64> = -1e4..=1e4;
 const SATELLITE_RADIUS_M: RangeInclusive<f64> = 6.4e6..=6e7;
 const SATELLITE_SPEED_MPS: RangeInclusive<f64> = 0.0..=2e4;
 const ANGLE_RAD: RangeInclusive<f64> = -7.0..=7.0;
@@ -275,6 +277,8 @@ fn check_observation(o: &CorrectedObservation) -> Result<(), Implausible> {
     within("satellite number", f64::from(o.satellite.number), 1.0..=99.0)?;
     within("corrected pseudorange (m)", o.pseudorange_m, PSEUDORANGE_BOUNDS_M)?;
     within("pseudorange sigma (m)", o.pseudorange_sigma_m, SIGMA)?;
+    within("satellite sigma (m)", o.shared.satellite_sigma_m, 0.0..=*SIGMA.end())?;
+    within("ionosphere (m)", o.shared.ionosphere_m, IONOSPHERE_M)?;
     if let Some(rate) = o.range_rate {
         within("corrected range rate (m/s)", rate.range_rate_mps, RANGE_RATE_MPS)?;
         within("range rate sigma (m/s)", rate.sigma_mps, SIGMA)?;

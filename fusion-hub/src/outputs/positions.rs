@@ -10,7 +10,7 @@
 //! | `sigma_north_m`, `sigma_east_m`, `sigma_up_m` | standard deviations of the position |
 //! | `sigma_velocity_north_mps`, `…_east_…`, `…_up_…` | standard deviations of the velocity |
 //! | `satellites` | in use by the phone's own solution; empty without an epoch |
-//! | `verdict` | of the phone's RAIM on its own solution; empty without an epoch |
+//! | `verdict` | of the phone's RAIM on its own solution, and unreliable where its measurements doubt a constraint; empty without an epoch |
 //! | `method` | `joint` |
 //!
 //! The rows of one phone are a truth table (see [`cofix_common::accuracy::Truth::parse_csv`]).
@@ -26,7 +26,6 @@ use cofix_common::frames::{Enu, LocalFrame};
 use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::integrity::Verdict;
 use cofix_common::skips::Skips;
-use cofix_common::wire::EpochMessage;
 use nalgebra::Matrix3;
 
 use crate::outputs::{Fused, Opening, Sink, Written};
@@ -97,10 +96,10 @@ fn write(table: &mut csv::Writer<impl Write>, epoch: &FusedEpoch, names: &[Strin
         let message = phone.message.as_ref();
         let mut row = vec![time.week().to_string(), format!("{:.9}", time.tow_s()), name.clone()];
         row.extend(place(state));
-        row.push(quality(message).to_string());
+        row.push(quality(phone.verdict).to_string());
         row.extend(sigmas(state));
         row.push(message.map_or_else(String::new, |m| m.satellites_used().to_string()));
-        row.push(message.map_or_else(String::new, |m| m.raim.verdict.to_string()));
+        row.push(phone.verdict.map_or_else(String::new, |verdict| verdict.to_string()));
         row.push("joint".to_owned());
         table.write_record(row)?;
     }
@@ -135,14 +134,12 @@ fn sigmas(state: &PhoneState) -> impl Iterator<Item = String> {
     })
 }
 
-const fn quality(message: Option<&EpochMessage>) -> u8 {
-    match message {
+const fn quality(verdict: Option<Verdict>) -> u8 {
+    match verdict {
         None => 4,
-        Some(message) => match message.raim.verdict {
-            Verdict::Reliable => 1,
-            Verdict::Unreliable(_) => 2,
-            Verdict::CannotBeChecked => 3,
-        },
+        Some(Verdict::Reliable) => 1,
+        Some(Verdict::Unreliable(_)) => 2,
+        Some(Verdict::CannotBeChecked) => 3,
     }
 }
 
@@ -161,7 +158,7 @@ mod tests {
         let message = verdict.map(|verdict| judged("a, b", time_gps, verdict));
         FusedEpoch {
             time_gps,
-            phones: vec![FusedPhone { message, state }],
+            phones: vec![FusedPhone { message, state, verdict, ..FusedPhone::default() }],
             actions: vec![],
             distances: vec![],
         }

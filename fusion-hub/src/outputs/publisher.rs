@@ -26,7 +26,7 @@ fn message(epoch: &FusedEpoch, index: usize, name: &str) -> Option<FusedMessage>
         phone: name.to_owned(),
         time_gps: epoch.time_gps,
         state: phone.state.clone()?,
-        verdict: phone.message.as_ref().map(|message| message.raim.verdict),
+        verdict: phone.verdict,
         constraints_acted: u16::try_from(acted).unwrap_or(u16::MAX),
     })
 }

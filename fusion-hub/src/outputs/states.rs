@@ -94,6 +94,6 @@ fn line<'a>(time_gps: GpsTime, name: &'a str, phone: &FusedPhone, state: &PhoneS
             [enu.m31, enu.m32, enu.m33],
         ],
         satellites: message.map(EpochMessage::satellites_used),
-        verdict: message.map(|message| message.raim.verdict.to_string()),
+        verdict: phone.verdict.map(|verdict| verdict.to_string()),
     }
 }

@@ -118,6 +118,7 @@ mod tests {
             index: 0,
             constraint,
             before: 1.0,
+            free_sigmas: 0.0,
             after: 1.0,
             shift_m: 0.0,
             enlargements: 0,
@@ -126,8 +127,8 @@ mod tests {
         FusedEpoch {
             time_gps: at(second),
             phones: vec![
-                FusedPhone { message: Some(message), state: None },
-                FusedPhone { message: None, state: None },
+                FusedPhone { message: Some(message), state: None, ..FusedPhone::default() },
+                FusedPhone { message: None, state: None, ..FusedPhone::default() },
             ],
             actions: vec![action],
             distances: Vec::new(),

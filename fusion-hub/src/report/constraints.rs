@@ -35,6 +35,8 @@ pub struct ConstraintReport {
     pub not_applied_because: BTreeMap<&'static str, u64>,
     /// Largest shift of a phone, m.
     pub largest_shift_m: f64,
+    /// Largest excess of the positions without constraints over the bounds, in standard deviations.
+    pub largest_free_sigmas: f64,
     /// Mean shift where it acted, m.
     pub mean_shift_m: f64,
     /// Epochs at which its interval was enlarged.
@@ -78,6 +80,7 @@ impl ConstraintTally {
             not_applied: 0,
             not_applied_because: BTreeMap::new(),
             largest_shift_m: 0.0,
+            largest_free_sigmas: 0.0,
             mean_shift_m: 0.0,
             enlarged: 0,
         };
@@ -119,6 +122,7 @@ impl ConstraintTally {
 impl ConstraintReport {
     fn push(&mut self, action: &ConstraintAction) {
         let is_outside = |value: f64| value.is_finite() && !action.constraint.holds(value);
+        self.largest_free_sigmas = self.largest_free_sigmas.max(action.free_sigmas);
         self.violated_before += u64::from(is_outside(action.before));
         if let ConstraintOutcome::Skipped(reason) = action.outcome {
             self.not_applied += 1;

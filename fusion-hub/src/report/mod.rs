@@ -2,6 +2,7 @@
 
 pub mod attention;
 mod constraints;
+mod innovations;
 mod inputs;
 mod presence;
 pub mod scores;
@@ -18,6 +19,7 @@ use serde::Serialize;
 use attention::Finding;
 pub(crate) use constraints::label;
 pub use constraints::{ConstraintReport, describe};
+pub use innovations::FilterReport;
 pub use inputs::InputFile;
 use scores::{Methods, TruthReport};
 pub use settings::SettingsReport;
@@ -114,6 +116,12 @@ pub struct PhoneReport {
     pub vertical_sigma_m: Option<Typical>,
     /// Epochs by the agent's integrity verdict.
     pub verdicts: BTreeMap<String, u64>,
+    /// Epochs by the verdict on the fused position: the agent's, and unreliable where measurements doubt a constraint.
+    pub fused_verdicts: BTreeMap<String, u64>,
+    /// What the filter without constraints made of the measurements.
+    pub filter: FilterReport,
+    /// Distance of the fused position from that without constraints, m.
+    pub constraint_shift_m: Option<Typical>,
     /// Skipped by the agent and by the hub.
     pub skips: Skips,
 }

@@ -45,6 +45,7 @@ struct PhoneTally {
     satellites: u64,
     horizontal_sigma_m: Quantiles,
     vertical_sigma_m: Quantiles,
+    shift_m: Quantiles,
 }
 
 impl Tally {
@@ -132,6 +133,9 @@ impl PhoneTally {
             self.horizontal_sigma_m.add(horizontal_m);
             self.vertical_sigma_m.add(vertical_m);
         }
+        if let Some((fused, free)) = phone.state.as_ref().zip(phone.free.as_ref()) {
+            self.shift_m.add(fused.position().distance_m(free.position()));
+        }
         let Some(message) = &phone.message else { return };
         let report = &mut self.report;
         report.epochs += 1;
@@ -141,6 +145,12 @@ impl PhoneTally {
         let with_rate = message.observations.iter().filter(|o| o.range_rate.is_some()).count();
         report.observations_with_rate += with_rate as u64;
         *report.verdicts.entry(message.raim.verdict.to_string()).or_default() += 1;
+        if let Some(verdict) = phone.verdict {
+            *report.fused_verdicts.entry(verdict.to_string()).or_default() += 1;
+        }
+        if let Some(update) = &phone.update {
+            report.filter.push(update);
+        }
         self.satellites += message.satellites_used() as u64;
         self.span = Some(extended(self.span, message.time_gps));
         self.presence.push(message.time_gps);
@@ -156,6 +166,7 @@ impl PhoneTally {
             mean_satellites: (epochs > 0).then(|| self.satellites as f64 / epochs as f64),
             horizontal_sigma_m: self.horizontal_sigma_m.typical(),
             vertical_sigma_m: self.vertical_sigma_m.typical(),
+            constraint_shift_m: self.shift_m.typical(),
             skips,
             ..counted
         }

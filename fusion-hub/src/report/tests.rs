@@ -7,7 +7,7 @@ use cofix_common::frames::{Direction, Ecef, EcefVector};
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
 use cofix_common::gnss::SignalCode;
 use cofix_common::integrity::{Cause, Verdict};
-use cofix_common::measurement::{CorrectedObservation, Usage};
+use cofix_common::measurement::{CorrectedObservation, SharedError, Usage};
 use cofix_common::time::GpsTime;
 use nalgebra::{SMatrix, SVector};
 
@@ -22,8 +22,12 @@ fn names() -> Vec<String> {
 fn epoch(seconds: f64, verdict: Verdict, actions: Vec<ConstraintAction>) -> FusedEpoch {
     let time_gps = GpsTime::from_week_tow(2118, seconds);
     let phones = vec![
-        FusedPhone { message: Some(judged("b", time_gps, verdict)), state: Some(state()) },
-        FusedPhone { message: None, state: Some(state()) },
+        FusedPhone {
+            message: Some(judged("b", time_gps, verdict)),
+            state: Some(state()),
+            ..FusedPhone::default()
+        },
+        FusedPhone { message: None, state: Some(state()), ..FusedPhone::default() },
     ];
     FusedEpoch { time_gps, phones, actions, distances: Vec::new() }
 }
@@ -45,6 +49,7 @@ fn observation(satellite: &str, pseudorange_m: f64) -> CorrectedObservation {
         signal: SignalCode::new(b'1', b'C'),
         pseudorange_m,
         pseudorange_sigma_m: 3.0,
+        shared: SharedError::default(),
         range_rate: None,
         cn0_dbhz: None,
         direction: Direction { azimuth_rad: 0.0, elevation_rad: 1.0 },
@@ -70,6 +75,7 @@ fn action(
         index,
         constraint,
         before,
+        free_sigmas: 0.0,
         after: 0.0,
         shift_m,
         enlargements,
@@ -157,7 +163,7 @@ fn one_recording_for_two_phones_is_noticed() {
         let mut message = epoch(10.0, Verdict::Reliable, Vec::new()).phones.remove(0).message.unwrap();
         message.phone = phone.to_owned();
         message.observations = observations.collect();
-        FusedPhone { message: Some(message), state: None }
+        FusedPhone { message: Some(message), state: None, ..FusedPhone::default() }
     };
     for (offset_m, epochs) in [(0.0, 3), (0.004, 3), (0.2, 0)] {
         let mut tally = Tally::new(&names());

@@ -9,7 +9,7 @@ use cofix_common::frames::{Direction, Ecef, EcefVector, Enu, Geodetic, LocalFram
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, PairDistance};
 use cofix_common::gnss::{SatelliteId, SignalCode};
 use cofix_common::integrity::{Cause, GlobalTest, RaimReport, Verdict};
-use cofix_common::measurement::{CorrectedObservation, Usage};
+use cofix_common::measurement::{CorrectedObservation, SharedError, Usage};
 use cofix_common::solve::{Dops, PointSolution};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
@@ -120,7 +120,13 @@ impl Session {
             local: Some(state(at(time, 1.1, 0.1, noise), 1.2)),
             raim: raim(index),
         });
-        FusedPhone { message, state: Some(state(at(time_gps, 0.55, 0.05, noise), 0.6)) }
+        let state = Some(state(at(time_gps, 0.55, 0.05, noise), 0.6));
+        FusedPhone {
+            verdict: message.as_ref().map(|message| message.raim.verdict),
+            message,
+            state,
+            ..FusedPhone::default()
+        }
     }
 
     fn observations(self, phone: usize, index: usize, noise: &mut Noise) -> Vec<CorrectedObservation> {
@@ -143,6 +149,7 @@ impl Session {
                     signal: SignalCode::new(band, attribute),
                     pseudorange_m: 2.2e7,
                     pseudorange_sigma_m: 3.0,
+                    shared: SharedError::default(),
                     range_rate: None,
                     cn0_dbhz: Some((cn0 * 10.0).round() / 10.0),
                     direction: Direction { azimuth_rad: 1.0, elevation_rad: 0.7 },
@@ -165,6 +172,7 @@ impl Session {
             index: 0,
             constraint,
             before: 2.0 + excess,
+            free_sigmas: 0.0,
             after: 1.99,
             shift_m: excess / 2.0,
             enlargements: u32::from(excess > 0.9),

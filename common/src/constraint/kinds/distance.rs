@@ -146,7 +146,16 @@ impl Distance {
             return [bounded(direction, lower_m), None, None];
         }
         let (across, other) = axes_across(direction);
-        [bounded(direction, lower_m), bounded(&across, -self.maximum_m), bounded(&other, -self.maximum_m)]
+        let rows = [
+            bounded(direction, lower_m),
+            bounded(&across, -self.maximum_m),
+            bounded(&other, -self.maximum_m),
+        ];
+        if model == DistanceModel::Ball && self.minimum_m <= 0.0 {
+            rows.map(|row| row.map(BoundedRow::of_ball))
+        } else {
+            rows
+        }
     }
 
     /// Lower bound of the component along a direction, reduced by the contribution of the uncertainty across:

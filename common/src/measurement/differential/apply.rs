@@ -5,6 +5,7 @@ use super::{Applied, CorrectedObservation, Differential, Uncorrected, code_varia
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::Ecef;
 use crate::gnss::Constellation;
+use crate::measurement::SharedError;
 use crate::measurement::pair::variance_factor;
 use crate::skips::Reason;
 use crate::time::GpsTime;
@@ -207,16 +208,18 @@ impl Differential {
         let elevation_rad = observation.direction.elevation_rad;
         let slant_m = position.distance_m(rover.position) / elevation_rad.sin().max(LOWEST_SINE);
         let other_code_m = if *is_other_code { options.other_code_sigma_m } else { 0.0 };
-        let variance_m2 = code_variance_m2(self.correction.stochastic.code, observation)
+        let own_m2 = code_variance_m2(self.correction.stochastic.code, observation)
             + self.channel_variance_m2(observation)
-            + correction.variance_m2
-            + (options.age_sigma_mps * age_s).powi(2)
-            + (options.distance_sigma * slant_m).powi(2)
             + other_code_m.powi(2);
+        let of_correction_m2 = correction.variance_m2
+            + (options.age_sigma_mps * age_s).powi(2)
+            + (options.distance_sigma * slant_m).powi(2);
         let sent = rover.time_gps + -(observation.pseudorange_m / SPEED_OF_LIGHT_MPS);
         let change_m = correction.change_of_message_m(&self.products, sent, *position);
         observation.pseudorange_m -= correction.correction_m + change_m;
-        observation.pseudorange_sigma_m = variance_m2.sqrt();
+        observation.pseudorange_sigma_m = (own_m2 + of_correction_m2).sqrt();
+        // What the models left is removed; phones that use the same base share the error of the correction.
+        observation.shared = SharedError { satellite_sigma_m: of_correction_m2.sqrt(), ionosphere_m: 0.0 };
     }
 
     /// Variance of the rover's biases between GLONASS' frequency channels, m²; a base of another make does not share them.

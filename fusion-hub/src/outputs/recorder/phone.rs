@@ -48,6 +48,10 @@ pub(super) struct PhoneRecorder {
     errors: [Errors; 3],
     satellites: Series,
     pdop: Series,
+    /// Normalised innovation squared of the code per row.
+    code_nis: Series,
+    /// Measurements whose innovation left them without weight.
+    rejected: Series,
     signals: Signals,
     raim: LogLines,
     last_verdict: Option<Verdict>,
@@ -66,6 +70,8 @@ impl PhoneRecorder {
             errors: Method::SCORED.map(|method| Errors::new(name, method)),
             satellites: quality("satellites"),
             pdop: quality("pdop"),
+            code_nis: quality("code_nis"),
+            rejected: quality("rejected"),
             signals: Signals::new(name),
             raim: LogLines::new(phone_path(name, ["raim"])),
             last_verdict: None,
@@ -93,6 +99,11 @@ impl PhoneRecorder {
         if let Some(track) = self.tracks.last_mut() {
             track.push(epoch.time_ns, epoch.frame, truth, None);
         }
+        let update = phone.update;
+        let rejected =
+            update.map(|u| (u.codes.offered - u.codes.kept + u.rates.offered - u.rates.kept) as f64);
+        self.code_nis.push(epoch.message_time_ns, update.and_then(|u| u.code_nis_per_row()), skips);
+        self.rejected.push(epoch.message_time_ns, rejected, skips);
         self.push_message(epoch.message_time_ns, message, skips);
     }
 
@@ -145,6 +156,8 @@ impl PhoneRecorder {
         }
         self.satellites.write_segment(file)?;
         self.pdop.write_segment(file)?;
+        self.code_nis.write_segment(file)?;
+        self.rejected.write_segment(file)?;
         self.raim.write_segment(file)?;
         self.signals.write_segment(file)
     }
@@ -213,9 +226,8 @@ fn position_covariance(state: &cofix_common::filter::PhoneState) -> Matrix3<f64>
 const fn level(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Reliable => TextLogLevel::INFO,
-        Verdict::CannotBeChecked | Verdict::Unreliable(Cause::Geometry | Cause::AlarmLimit) => {
-            TextLogLevel::WARN
-        }
+        Verdict::CannotBeChecked
+        | Verdict::Unreliable(Cause::Geometry | Cause::AlarmLimit | Cause::Constraint) => TextLogLevel::WARN,
         Verdict::Unreliable(Cause::InsufficientRedundancy | Cause::TestsFailed) => TextLogLevel::ERROR,
     }
 }

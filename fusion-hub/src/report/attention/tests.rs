@@ -60,6 +60,7 @@ fn constraint() -> ConstraintReport {
         not_applied: 0,
         not_applied_because: BTreeMap::new(),
         largest_shift_m: 1.0,
+        largest_free_sigmas: 0.0,
         mean_shift_m: 0.1,
         enlarged: 0,
     }

@@ -1,0 +1,255 @@
+//! The second covariance: the filter's gains under a richer model of the errors.
+//!
+//! Errors of orbits, clocks, group delays and ionosphere last for hours and reach all phones alike. A filter that takes them for white noise
+//! believes that they average out. Here they are *considered* (Schmidt 1966): states s that all phones share, with rows of zero in the
+//! gain. The estimate is that of the filter; its error e and s follow
+//!
+//! ```text
+//! prediction   e ← Fe + w          s ← Φs + …
+//! update       e ← (I − KH)e − K(Gs + v)
+//! ```
+//!
+//! with K of the filter and G the sensitivities of the rows to s. So C = E[esᵀ] and P₂ = E[eeᵀ] are propagated beside the filter's P, in
+//! Joseph form, at a cost linear in the number of shared states. The variances of s are those of its stationary Gauss-Markov process and
+//! never shrink.
+
+use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::atmosphere::scale_from_l1;
+use crate::frames::Direction;
+use crate::gnss::SatelliteId;
+use crate::measurement::CorrectedObservation;
+
+/// Number of ionospheric states: zenith, gradient to the north, gradient to the east.
+const IONOSPHERE_STATES: usize = 3;
+/// Distance of an ionospheric pierce point for which the gradient's standard deviation is stated, rad on the Earth's surface (320 km).
+const GRADIENT_DISTANCE_RAD: f64 = 0.05;
+/// Frequency for a signal whose own is unknown, Hz: L1.
+const NOMINAL_HZ: f64 = 1575.42e6;
+/// Vertical delay on L1 of the night, m: the constant of the Klobuchar model, 5 ns. Only what exceeds it has gradients.
+const NIGHT_DELAY_M: f64 = 1.5;
+/// Radius of the ionospheric shell in Earth radii (350 km).
+const SHELL_RADII: f64 = 1.0 + 350.0 / 6371.0;
+
+/// Errors that all phones share.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SharedErrors {
+    /// Smallest standard deviation of a satellite's orbit, clock and group delay together, m.
+    pub satellite_sigma_m: f64,
+    /// Share of the standard deviation that an observation states for them, where it is larger. What is stated serves the weights and errs
+    /// on the safe side.
+    pub satellite_share: f64,
+    /// Standard deviation of the ionospheric residual at the zenith, as a share of the modelled delay.
+    pub ionosphere_share: f64,
+    /// Standard deviation of the change of that share towards a pierce point 0.05 rad (320 km) away.
+    pub gradient_share: f64,
+    /// Time constant of all shared errors, s.
+    pub time_constant_s: f64,
+}
+
+impl SharedErrors {
+    /// No shared errors: the second covariance is the filter's.
+    pub const NONE: Self = Self {
+        satellite_sigma_m: 0.0,
+        satellite_share: 0.0,
+        ionosphere_share: 0.0,
+        gradient_share: 0.0,
+        time_constant_s: 7_200.0,
+    };
+
+    /// Whether there are any.
+    pub fn are_none(&self) -> bool {
+        self.satellite_sigma_m <= 0.0 && self.ionosphere_share <= 0.0 && self.gradient_share <= 0.0
+    }
+}
+
+/// Sensitivity of one observation to the shared states.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sensitivity {
+    /// Column of the satellite.
+    satellite: usize,
+    /// Coefficients of the ionospheric states.
+    ionosphere: Vector3<f64>,
+}
+
+/// A block of rows z = He + Gs + v of a few states.
+pub(super) struct Block<'a> {
+    /// Offsets of the states.
+    pub states: &'a [usize],
+    /// L, H = Lᵀ.
+    pub root: &'a DMatrix<f64>,
+    /// Gain K of the filter, a row for each state of all phones.
+    pub gain: &'a DMatrix<f64>,
+    /// Covariance of v.
+    pub noise: DMatrix<f64>,
+    /// G, a column for each shared state; `None` if the rows do not depend on them.
+    pub shared: Option<DMatrix<f64>>,
+}
+
+/// C and P₂ with the shared states.
+#[derive(Clone, Debug)]
+pub(super) struct Consider {
+    options: SharedErrors,
+    /// Satellite of each column after the ionosphere's.
+    satellites: Vec<SatelliteId>,
+    /// Variances of the shared states.
+    variances: Vec<f64>,
+    /// C, a row for each state and a column for each shared state.
+    pub cross: DMatrix<f64>,
+    /// P₂.
+    pub covariance: DMatrix<f64>,
+}
+
+impl Consider {
+    pub fn new(options: SharedErrors) -> Self {
+        let shares = [options.ionosphere_share, options.gradient_share, options.gradient_share];
+        Self {
+            options,
+            satellites: Vec::new(),
+            variances: shares.iter().map(|share| share * share).collect(),
+            cross: DMatrix::zeros(0, IONOSPHERE_STATES),
+            covariance: DMatrix::zeros(0, 0),
+        }
+    }
+
+    /// Number of shared states.
+    pub fn shared_states(&self) -> usize {
+        self.variances.len()
+    }
+
+    /// The sensitivity of an observation; a satellite that is seen first gets a state.
+    pub fn sensitivity(&mut self, observation: &CorrectedObservation) -> Sensitivity {
+        let stated_m = self.options.satellite_share * observation.shared.satellite_sigma_m;
+        let sigma_m = stated_m.max(self.options.satellite_sigma_m);
+        let known = self.satellites.iter().position(|satellite| *satellite == observation.satellite);
+        let satellite = known.map_or_else(
+            || {
+                self.satellites.push(observation.satellite);
+                self.variances.push(0.0);
+                let states = self.cross.nrows();
+                self.cross.resize_mut(states, self.variances.len(), 0.0);
+                self.variances.len() - 1
+            },
+            |place| place + IONOSPHERE_STATES,
+        );
+        self.variances[satellite] = self.variances[satellite].max(sigma_m * sigma_m);
+        Sensitivity { satellite, ionosphere: ionosphere(observation) }
+    }
+
+    /// Adds L⁻¹wh̃gᵀ of one observation to G.
+    pub fn add_sensitivity(shared: &mut DMatrix<f64>, weighted: &DVector<f64>, sensitivity: Sensitivity) {
+        let Sensitivity { satellite, ionosphere } = sensitivity;
+        shared.column_mut(satellite).axpy(1.0, weighted, 1.0);
+        for (column, coefficient) in ionosphere.iter().enumerate() {
+            shared.column_mut(column).axpy(*coefficient, weighted, 1.0);
+        }
+    }
+
+    /// Adds states of a new phone with this covariance.
+    pub fn insert(&mut self, offset: usize, covariance: &DMatrix<f64>) {
+        let n = covariance.nrows();
+        let rows = self.cross.nrows();
+        self.cross.resize_vertically_mut(n, 0.0);
+        debug_assert!(rows == offset);
+        self.covariance.resize_mut(n, n, 0.0);
+        let states = n - offset;
+        self.covariance
+            .view_mut((offset, offset), (states, states))
+            .copy_from(&covariance.view((offset, offset), (states, states)));
+    }
+
+    /// Adds a state that depends on no shared one; its variance is set elsewhere.
+    pub fn insert_row(&mut self, index: usize) {
+        let cross = std::mem::replace(&mut self.cross, DMatrix::zeros(0, 0));
+        self.cross = cross.insert_row(index, 0.0);
+    }
+
+    /// Removes states.
+    pub fn remove(&mut self, at: usize, states: usize) {
+        let cross = std::mem::replace(&mut self.cross, DMatrix::zeros(0, 0));
+        self.cross = cross.remove_rows(at, states);
+        let covariance = std::mem::replace(&mut self.covariance, DMatrix::zeros(0, 0));
+        self.covariance = covariance.remove_rows(at, states).remove_columns(at, states);
+    }
+
+    /// Decorrelates the shared states over a time.
+    pub fn age(&mut self, dt_s: f64) {
+        self.cross *= (-dt_s / self.options.time_constant_s).exp();
+    }
+
+    /// Applies a block of rows.
+    pub fn update(&mut self, block: &Block<'_>) {
+        let Block { states, root, gain, .. } = *block;
+        // D = E[e zᵀ], Y = E[z zᵀ] of z = He + Gs + v, and HC.
+        let mut d = self.covariance.select_columns(states) * root;
+        let mut output = root.tr_mul(&self.cross.select_rows(states));
+        let mut y = block.noise.clone();
+        if let Some(shared) = &block.shared {
+            d.gemm(1.0, &self.cross, &shared.transpose(), 1.0);
+            let mut scaled = shared.clone();
+            for (mut column, variance) in scaled.column_iter_mut().zip(&self.variances) {
+                column *= *variance;
+            }
+            let of_shared = &output + &scaled;
+            y.gemm(1.0, shared, &of_shared.transpose(), 1.0);
+            output = of_shared;
+        }
+        y.gemm_tr(1.0, root, &d.select_rows(states), 1.0);
+        let y = (&y + y.transpose()) * 0.5;
+        // P₂ ← P₂ − KDᵀ − DKᵀ + KYKᵀ = P₂ − KMᵀ − MKᵀ with M = D − ½KY
+        d.gemm(-0.5, gain, &y, 1.0);
+        self.covariance.gemm(-1.0, gain, &d.transpose(), 1.0);
+        self.covariance.gemm(-1.0, &d, &gain.transpose(), 1.0);
+        self.covariance.fill_upper_triangle_with_lower_triangle();
+        // C ← C − K(HC + GPₛ)
+        self.cross.gemm(-1.0, gain, &output, 1.0);
+    }
+
+    /// Covariance of the errors of states of this filter with those of another, through the shared states: C₁ Pₛ⁻¹ C₂ᵀ for nine states
+    /// each.
+    pub fn between(&self, at: usize, other: &Self, other_at: usize) -> SMatrix<f64, 9, 9> {
+        let mut covariance = SMatrix::<f64, 9, 9>::zeros();
+        let mut add = |column: usize, other_column: usize| {
+            let variance = self.variances[column].max(other.variances[other_column]);
+            if variance > 0.0 {
+                let mine: SVector<f64, 9> = self.cross.fixed_view::<9, 1>(at, column).into_owned();
+                let theirs: SVector<f64, 9> =
+                    other.cross.fixed_view::<9, 1>(other_at, other_column).into_owned();
+                covariance.ger(1.0 / variance, &mine, &theirs, 1.0);
+            }
+        };
+        for column in 0..IONOSPHERE_STATES {
+            add(column, column);
+        }
+        for (place, satellite) in self.satellites.iter().enumerate() {
+            if let Some(theirs) = other.satellites.iter().position(|other| other == satellite) {
+                add(place + IONOSPHERE_STATES, theirs + IONOSPHERE_STATES);
+            }
+        }
+        covariance
+    }
+}
+
+/// Coefficients of zenith residual and gradients in the ionospheric error of an observation, m.
+fn ionosphere(observation: &CorrectedObservation) -> Vector3<f64> {
+    let delay_m = observation.shared.ionosphere_m.abs();
+    if delay_m == 0.0 {
+        return Vector3::zeros();
+    }
+    let Direction { azimuth_rad, elevation_rad } = observation.direction;
+    let (distance_rad, mapping) = pierce_point(elevation_rad);
+    let constellation = observation.satellite.constellation;
+    let frequency_hz = observation.signal.frequency_hz(constellation, Some(0)).unwrap_or(NOMINAL_HZ);
+    let night_m = scale_from_l1(NIGHT_DELAY_M, frequency_hz) * mapping;
+    let gradient_m = (delay_m - night_m).max(0.0) * distance_rad / GRADIENT_DISTANCE_RAD;
+    let (sin, cos) = azimuth_rad.sin_cos();
+    Vector3::new(delay_m.max(night_m), gradient_m * cos, gradient_m * sin)
+}
+
+/// Angle at the Earth's centre from the receiver to the ionospheric pierce point, rad, and the mapping of vertical to slant delay.
+fn pierce_point(elevation_rad: f64) -> (f64, f64) {
+    let sine = (elevation_rad.cos() / SHELL_RADII).clamp(-1.0, 1.0);
+    let psi_rad = std::f64::consts::FRAC_PI_2 - elevation_rad - sine.asin();
+    (psi_rad, 1.0 / (1.0 - sine * sine).sqrt())
+}

@@ -1,0 +1,88 @@
+//! Which states of the joint distribution belong to which phone.
+
+use nalgebra::Vector3;
+
+use super::STATES_PER_PHONE;
+use super::noise_level::NoiseLevel;
+use crate::frames::Ecef;
+use crate::gnss::ClockGroup;
+use crate::time::GpsTime;
+
+/// Number of steps between measurements from which a phone's interval is known.
+const STEPS: usize = 3;
+
+/// States of one phone: position, velocity, acceleration, and a bias for each clock group beside the reference.
+#[derive(Clone, Debug)]
+pub(super) struct Slot {
+    pub phone: usize,
+    /// Offset of the first state.
+    pub at: usize,
+    pub up: Vector3<f64>,
+    pub up_at: Ecef,
+    /// Time of the last measurement.
+    pub measured: GpsTime,
+    /// Clock group to which the biases of the others refer.
+    pub reference: Option<ClockGroup>,
+    /// Clock groups with a bias, in the order of their states.
+    pub biases: Vec<ClockGroup>,
+    /// Number of consecutive updates that rejected most of their pseudoranges.
+    pub codes_rejected: u32,
+    /// Number of consecutive updates that rejected most of their range rates.
+    pub rates_rejected: u32,
+    /// Number of consecutive reliable solutions that lie far from the prediction.
+    pub far: u32,
+    pub noise_level: NoiseLevel,
+}
+
+impl Slot {
+    /// Number of states.
+    pub fn len(&self) -> usize {
+        STATES_PER_PHONE + self.biases.len()
+    }
+
+    /// Place of a group among the biases; `None` for the reference and for a group without a state.
+    pub fn bias(&self, group: ClockGroup) -> Option<usize> {
+        self.biases.iter().position(|known| *known == group)
+    }
+}
+
+/// Interval between a phone's measurements: the shortest of the last three steps, so that single gaps do not count.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Interval {
+    last: Option<GpsTime>,
+    steps_s: [Option<f64>; STEPS],
+}
+
+impl Interval {
+    /// Takes the time of a measurement.
+    pub fn take(&mut self, time_gps: GpsTime) {
+        if let Some(step_s) = self.last.map(|last| time_gps - last).filter(|step_s| *step_s > 0.0) {
+            self.steps_s.rotate_right(1);
+            self.steps_s[0] = Some(step_s);
+        }
+        self.last = Some(time_gps);
+    }
+
+    /// The interval, s; `None` before the second measurement.
+    pub fn seconds(&self) -> Option<f64> {
+        self.steps_s.iter().flatten().copied().min_by(f64::total_cmp)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_is_no_interval_and_a_new_rate_is_one() {
+        let mut interval = Interval::default();
+        let mut after = |seconds: f64| {
+            interval.take(GpsTime::from_week_tow(2118, seconds));
+            interval.seconds()
+        };
+        assert_eq!(after(0.0), None);
+        assert_eq!(after(1.0), Some(1.0));
+        assert_eq!((after(61.0), after(62.0)), (Some(1.0), Some(1.0)));
+        assert_eq!((after(92.0), after(122.0), after(152.0)), (Some(1.0), Some(1.0), Some(30.0)));
+    }
+}

@@ -1,0 +1,53 @@
+//! Robust weights of the rows of one epoch, by their innovations.
+//!
+//! The weight of an innovation depends on the variances of the measurement and of the prediction. The variances of the clock and of the
+//! groups' biases, which are estimated from the same few innovations, are neglected.
+
+use nalgebra::Matrix3;
+
+use super::information::Measured;
+use super::options::RobustWeights;
+
+/// Number of reweighting iterations.
+const ROUNDS: usize = 3;
+
+/// Multiplies the rows' weights by their robust factors and returns the factors. `prior` is the covariance of the three states. The clock starts from a weighted median, so that one outlier does not shift all rows.
+pub(super) fn reweight(rows: &mut [Measured], prior: &Matrix3<f64>, robust: RobustWeights) -> Vec<f64> {
+    let nominal: Vec<f64> = rows.iter().map(|row| row.weight).collect();
+    let predicted: Vec<f64> = rows.iter().map(|row| row.h.dot(&(prior * row.h))).collect();
+    let mut factors = vec![1.0; rows.len()];
+    let mut clock = median(rows.iter().map(|row| (row.y, row.weight)).collect());
+    for round in 0..ROUNDS {
+        for (((row, factor), weight), variance) in
+            rows.iter_mut().zip(&mut factors).zip(&nominal).zip(&predicted)
+        {
+            *factor = robust.factor((row.y - clock) / (1.0 / weight + variance).sqrt());
+            row.weight = weight * *factor;
+        }
+        if round + 1 < ROUNDS {
+            clock = mean(rows).unwrap_or(clock);
+        }
+    }
+    factors
+}
+
+/// Weighted mean of the innovations; `None` without weight.
+fn mean(rows: &[Measured]) -> Option<f64> {
+    let total: f64 = rows.iter().map(|row| row.weight).sum();
+    let sum: f64 = rows.iter().map(|row| row.weight * row.y).sum();
+    (total > 0.0).then(|| sum / total)
+}
+
+/// Weighted median of values with weights; 0 without values.
+pub(super) fn median(mut values: Vec<(f64, f64)>) -> f64 {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = values.iter().map(|v| v.1).sum::<f64>() / 2.0;
+    let mut passed = 0.0;
+    for (value, weight) in &values {
+        passed += weight;
+        if passed >= half {
+            return *value;
+        }
+    }
+    0.0
+}
