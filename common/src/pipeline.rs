@@ -1,4 +1,6 @@
-//! Processing of one phone, epoch by epoch: corrections → least squares → RAIM → local filter. No I/O.
+//! Processing of one phone, epoch by epoch: corrections → least squares → RAIM → time of reception → local filter. No I/O.
+
+mod receive_time;
 
 use std::sync::Arc;
 
@@ -17,6 +19,8 @@ use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
 use crate::formats::stream::StreamDecoder;
+
+use receive_time::ReceiveTimes;
 
 /// Distance, m, between an epoch-wise position and the position used for its corrections, above which the corrections are made again.
 const RECORRECT_M: f64 = 1_000.0;
@@ -53,6 +57,7 @@ pub struct PhonePipeline {
     corrector: Corrector,
     options: PipelineOptions,
     position: Option<Ecef>,
+    times: ReceiveTimes,
     filter: JointFilter,
     /// Differential corrections from base stations, if used.
     differential: Option<Differential>,
@@ -70,6 +75,7 @@ impl PhonePipeline {
             filter: JointFilter::new(options.filter),
             options,
             position: None,
+            times: ReceiveTimes::default(),
             differential: None,
             differential_counts: DifferentialCounts::default(),
             skips: Skips::default(),
@@ -143,24 +149,25 @@ impl PhonePipeline {
         }
     }
 
-    fn process_prepared(&mut self, time_gps: GpsTime, prepared: &[PreparedObservation]) -> EpochMessage {
-        let (observations, Monitored { fit, report }) = self.solve(time_gps, prepared);
+    fn process_prepared(&mut self, tag_gps: GpsTime, prepared: &[PreparedObservation]) -> EpochMessage {
+        let (observations, Monitored { fit, report }) = self.solve(tag_gps, prepared);
         let wls = match &fit {
             Ok(fit) => {
                 let solution = fit.to_solution(solve_velocity(&observations, fit.position()));
                 if solution.is_none() {
-                    self.skips.add(Reason::EpochWithSingularGeometry, || time_gps.to_string());
+                    self.skips.add(Reason::EpochWithSingularGeometry, || tag_gps.to_string());
                 }
                 solution
             }
             Err(error) => {
-                self.skips.add(Reason::EpochWithoutSolution, || format!("{time_gps}: {error}"));
+                self.skips.add(Reason::EpochWithoutSolution, || format!("{tag_gps}: {error}"));
                 None
             }
         };
         if let Some(solution) = &wls {
             self.position = Some(solution.position);
         }
+        let time_gps = self.receive_time(tag_gps, wls.as_ref(), report.verdict);
         self.filter(time_gps, &observations, wls.as_ref().map(|solution| (solution, report.verdict)));
         let message = EpochMessage {
             phone: self.phone.clone(),
@@ -173,6 +180,12 @@ impl PhonePipeline {
         };
         self.sequence += 1;
         message
+    }
+
+    /// Time of reception by the receiver's clock of a solution that passed the integrity tests or could not be tested.
+    fn receive_time(&mut self, tag_gps: GpsTime, wls: Option<&PointSolution>, verdict: Verdict) -> GpsTime {
+        let trusted = wls.filter(|_| !matches!(verdict, Verdict::Unreliable(_)));
+        self.times.next(tag_gps, trusted.and_then(PointSolution::receiver_clock_m), &mut self.skips)
     }
 
     /// Counts of skips by reason. Masks that named nothing in all epochs are included.
@@ -281,3 +294,6 @@ fn rough_position(prepared: &[PreparedObservation]) -> Ecef {
     let centre = Ecef::new(0.0, 0.0, 0.0);
     solve_position(&without_position(prepared), centre).map_or(centre, |fit| fit.position())
 }
+
+#[cfg(test)]
+mod tests;
