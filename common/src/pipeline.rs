@@ -14,7 +14,7 @@ use crate::measurement::{
 };
 use crate::orbit::Products;
 use crate::skips::{Reason, Skips};
-use crate::solve::{PointSolution, SolveError, solve_position, solve_velocity};
+use crate::solve::{PointSolution, SolveError, solve_velocity};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
@@ -137,7 +137,7 @@ impl PhonePipeline {
     /// Assigns slots to the GLONASS satellites known by their channel only, by comparison with the orbits seen from the last position, or
     /// from a position without atmosphere.
     fn identify(&mut self, epoch: &RecordedEpoch, prepared: &[PreparedObservation]) -> ObservationEpoch {
-        let position = self.position.unwrap_or_else(|| rough_position(prepared));
+        let position = self.position.unwrap_or_else(|| self.rough_position(prepared));
         self.corrector.identify(&epoch.by_channel, prepared, position, epoch.time_gps)
     }
 
@@ -160,7 +160,11 @@ impl PhonePipeline {
                 solution
             }
             Err(error) => {
-                self.skips.add(Reason::EpochWithoutSolution, || format!("{tag_gps}: {error}"));
+                let reason = match error {
+                    SolveError::Contradictory { .. } => Reason::EpochContradictory,
+                    _ => Reason::EpochWithoutSolution,
+                };
+                self.skips.add(reason, || format!("{tag_gps}: {error}"));
                 None
             }
         };
@@ -211,11 +215,19 @@ impl PhonePipeline {
         prepared: &[PreparedObservation],
     ) -> (Vec<CorrectedObservation>, Monitored) {
         let known = self.position.take();
-        let solved = self.solve_from(prepared, known.unwrap_or_else(|| rough_position(prepared)), time_gps);
+        let start = known.unwrap_or_else(|| self.rough_position(prepared));
+        let solved = self.solve_from(prepared, start, time_gps);
         if solved.1.fit.is_err() && known.is_some() {
-            return self.solve_from(prepared, rough_position(prepared), time_gps);
+            return self.solve_from(prepared, self.rough_position(prepared), time_gps);
         }
         solved
+    }
+
+    /// Position of a phone without prior knowledge: a solution without atmosphere, else the Earth's centre.
+    fn rough_position(&self, prepared: &[PreparedObservation]) -> Ecef {
+        let centre = Ecef::new(0.0, 0.0, 0.0);
+        let monitored = solve_with_raim(&mut without_position(prepared), centre, &self.options.raim);
+        monitored.fit.map_or(centre, |fit| fit.position())
     }
 
     fn solve_from(
@@ -228,7 +240,7 @@ impl PhonePipeline {
         for _ in 0..MOST_CORRECTIONS {
             let (mut observations, masked) = self.corrector.finish(prepared, seen_from, time_gps);
             let applied = self.differential.as_mut().map(|d| d.apply(&mut observations, seen_from, time_gps));
-            let monitored = solve_with_raim(&mut observations, seen_from, &self.options.raim);
+            let monitored = without_absurd(solve_with_raim(&mut observations, seen_from, &self.options.raim));
             let moved_m = monitored.fit.as_ref().map_or(0.0, |fit| fit.position().distance_m(seen_from));
             if moved_m <= RECORRECT_M {
                 self.skips.merge(&masked);
@@ -289,10 +301,14 @@ impl PhonePipeline {
     }
 }
 
-/// Position of a phone without prior knowledge: a solution without atmosphere, else the Earth's centre.
-fn rough_position(prepared: &[PreparedObservation]) -> Ecef {
-    let centre = Ecef::new(0.0, 0.0, 0.0);
-    solve_position(&without_position(prepared), centre).map_or(centre, |fit| fit.position())
+/// A solution whose residuals are absurd is none: neither a position nor a start of the filter. The report stays.
+fn without_absurd(monitored: Monitored) -> Monitored {
+    match monitored.report.global_test {
+        Some(test) if monitored.fit.is_ok() && !monitored.report.may_start_filter() => {
+            Monitored { fit: Err(SolveError::Contradictory { scale: test.posterior_scale() }), ..monitored }
+        }
+        _ => monitored,
+    }
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::gnss::{Constellation, Observation};
 use crate::simulation::{PhoneOptions, Scenario, SimulatedEpoch, Simulation};
 
 /// A car on an open road for `duration_s`, with its epochs and products.
@@ -86,5 +87,62 @@ fn without_a_reliable_solution_the_last_clock_offset_holds() {
     assert!(messages[11].wls.is_none());
     for (message, simulated) in messages.iter().zip(&simulated) {
         assert!((message.time_gps - simulated.truth.time_gps).abs() < 2e-7, "{}", message.time_gps);
+    }
+}
+
+/// Pseudoranges of Galileo that are wrong by each satellite's own hundreds of kilometres.
+fn ruin_galileo(epoch: &mut ObservationEpoch) {
+    let of_galileo = |o: &&mut Observation| o.satellite.constellation == Constellation::Galileo;
+    for (i, observation) in epoch.observations.iter_mut().filter(of_galileo).enumerate() {
+        let error_m = 1e5 * [3.0, -2.1, 1.7, -3.3, 2.6][i % 5];
+        observation.pseudorange_m = observation.pseudorange_m.map(|p| p + error_m);
+    }
+}
+
+#[test]
+fn a_constellation_that_is_wrong_as_a_whole_costs_only_itself() {
+    let (simulated, products) = drive(30.0);
+    let altered = simulated.iter().map(|s| {
+        let mut epoch = s.epoch.clone();
+        ruin_galileo(&mut epoch);
+        epoch
+    });
+    let (messages, _) = process(altered, &products);
+    let mut reliable = 0;
+    for (message, simulated) in messages.iter().zip(&simulated) {
+        let error_m = |position: Ecef| position.distance_m(simulated.truth.position);
+        if let Some(solution) = &message.wls {
+            assert!(error_m(solution.position) < 30.0, "{}", message.time_gps);
+        }
+        assert!(message.local.as_ref().is_none_or(|local| error_m(local.position()) < 15.0));
+        reliable += usize::from(message.raim.verdict == Verdict::Reliable);
+    }
+    assert!(reliable > 20, "{reliable} of {} epochs are reliable", messages.len());
+}
+
+#[test]
+fn an_absurd_solution_is_no_position_and_starts_no_filter() {
+    let (simulated, products) = drive(12.0);
+    let altered = simulated.iter().enumerate().map(|(k, s)| {
+        let mut epoch = s.epoch.clone();
+        if k < 5 {
+            // All constellations are wrong: no exclusion helps.
+            for (i, observation) in epoch.observations.iter_mut().enumerate() {
+                let error_m = 1e4 * (i * i % 7) as f64;
+                observation.pseudorange_m = observation.pseudorange_m.map(|p| p + error_m);
+            }
+        }
+        epoch
+    });
+    let (messages, skips) = process(altered, &products);
+    for message in &messages[..5] {
+        assert!(message.wls.is_none() && message.local.is_none(), "{}", message.time_gps);
+        assert!(matches!(message.raim.verdict, Verdict::Unreliable(_)), "{}", message.raim.verdict);
+        assert!(message.observations.iter().all(|o| o.residual_m.is_none()));
+    }
+    assert_eq!(skips.count(Reason::EpochContradictory), 5, "{skips}");
+    for (message, simulated) in messages[5..].iter().zip(&simulated[5..]) {
+        let local = message.local.as_ref().unwrap().position();
+        assert!(local.distance_m(simulated.truth.position) < 30.0, "{}", message.time_gps);
     }
 }

@@ -88,6 +88,7 @@ reasons! {
     EphemerisNotWritten: "ephemeris that is not written",
     EphemerisImpossible: "ephemeris with impossible values",
     EpochBeforeFilterTime: "epoch before the filter's time",
+    EpochContradictory: "epoch whose pseudoranges contradict each other, no position of its own",
     EpochContradictsPseudorange: "epoch contradicts transmission and pseudorange",
     EpochCorrectedByWholeSeconds: "epoch corrected by whole seconds, row used",
     EpochCorrectedByArrival: "epoch corrected to the time of arrival, row used",
