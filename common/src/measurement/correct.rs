@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::beidou2;
 use super::exclusion::{Exclusion, Exclusions};
 use super::given::RecordedObservation;
 use super::pair::Ionosphere;
@@ -37,6 +38,9 @@ pub struct CorrectionOptions {
     /// Standard deviation of BeiDou's clocks and group delays together, m. It is larger than for the other systems: TGD1 enters
     /// B1I with a factor of 1.94 on precise clocks, and receivers treat second- and third-generation satellites differently.
     pub beidou_bias_sigma_m: f64,
+    /// Whether the variation of BeiDou-2's B1I pseudoranges with elevation is corrected. On four recorded drives it changes horizontal
+    /// errors by at most 0.04 m, three of them to the better, so it is off by default.
+    pub beidou2_code_bias: bool,
     /// Standard deviation of GLONASS' biases between frequency channels, m. All channels of a band share one receiver
     /// clock here, but their delays in the receiver's filters differ, by metres in cheap receivers.
     pub glonass_bias_sigma_m: f64,
@@ -57,6 +61,7 @@ impl Default for CorrectionOptions {
             stochastic: StochasticModel::default(),
             unknown_group_delay_sigma_m: 2.0,
             beidou_bias_sigma_m: 2.0,
+            beidou2_code_bias: false,
             glonass_bias_sigma_m: 3.0,
             troposphere_mapping: TroposphereMapping::default(),
             relative_humidity: STANDARD_RELATIVE_HUMIDITY,
@@ -426,10 +431,21 @@ impl<'a> View<'a> {
         seen.rotated.observation(
             prepared,
             seen.direction,
-            prepared.pseudorange_m - ionosphere_m - troposphere_m,
+            prepared.pseudorange_m + self.code_correction_m(prepared, elevation_rad)
+                - ionosphere_m
+                - troposphere_m,
             variance.sqrt(),
             rate.variance(cn0_dbhz, elevation_rad).sqrt(),
         )
+    }
+
+    /// Correction of code biases by elevation, m, if the options say so; 0 for a pair.
+    fn code_correction_m(&self, prepared: &PreparedObservation, elevation_rad: f64) -> f64 {
+        if self.options.beidou2_code_bias && prepared.second.is_none() {
+            beidou2::code_correction_m(&prepared.observation, elevation_rad)
+        } else {
+            0.0
+        }
     }
 
     /// Variance of a code by the model, or, without a C/N0, by the recording, m².

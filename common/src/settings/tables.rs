@@ -103,6 +103,8 @@ tables! {
         unknown_group_delay_sigma_m: f64 = ["m", 0.0..=1e3];
         /// Standard deviation of the clocks and group delays of BeiDou satellites together.
         beidou_bias_sigma_m: f64 = ["m", 0.0..=1e3];
+        /// Whether the variation of BeiDou-2's B1I pseudoranges with elevation is corrected (Wanninger and Beer 2015).
+        beidou2_code_bias: bool = ["switch", ()];
         /// Standard deviation of the biases between the frequency channels of GLONASS.
         glonass_bias_sigma_m: f64 = ["m", 0.0..=1e3];
         /// Ratio of the tropospheric delay at an elevation to that at the zenith: the functions of Niell 1996, or 1/sin(elevation), which is
