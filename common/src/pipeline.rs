@@ -1,4 +1,6 @@
-//! Processing of one phone, epoch by epoch: corrections → least squares → RAIM → local filter. No I/O.
+//! Processing of one phone, epoch by epoch: corrections → least squares → RAIM → time of reception → local filter. No I/O.
+
+mod receive_time;
 
 use std::sync::Arc;
 
@@ -12,11 +14,13 @@ use crate::measurement::{
 };
 use crate::orbit::Products;
 use crate::skips::{Reason, Skips};
-use crate::solve::{PointSolution, SolveError, solve_position, solve_velocity};
+use crate::solve::{PointSolution, SolveError, solve_velocity};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
 use crate::formats::stream::StreamDecoder;
+
+use receive_time::ReceiveTimes;
 
 /// Distance, m, between an epoch-wise position and the position used for its corrections, above which the corrections are made again.
 const RECORRECT_M: f64 = 1_000.0;
@@ -53,6 +57,7 @@ pub struct PhonePipeline {
     corrector: Corrector,
     options: PipelineOptions,
     position: Option<Ecef>,
+    times: ReceiveTimes,
     filter: JointFilter,
     /// Differential corrections from base stations, if used.
     differential: Option<Differential>,
@@ -70,6 +75,7 @@ impl PhonePipeline {
             filter: JointFilter::new(options.filter),
             options,
             position: None,
+            times: ReceiveTimes::default(),
             differential: None,
             differential_counts: DifferentialCounts::default(),
             skips: Skips::default(),
@@ -131,7 +137,7 @@ impl PhonePipeline {
     /// Assigns slots to the GLONASS satellites known by their channel only, by comparison with the orbits seen from the last position, or
     /// from a position without atmosphere.
     fn identify(&mut self, epoch: &RecordedEpoch, prepared: &[PreparedObservation]) -> ObservationEpoch {
-        let position = self.position.unwrap_or_else(|| rough_position(prepared));
+        let position = self.position.unwrap_or_else(|| self.rough_position(prepared));
         self.corrector.identify(&epoch.by_channel, prepared, position, epoch.time_gps)
     }
 
@@ -143,24 +149,29 @@ impl PhonePipeline {
         }
     }
 
-    fn process_prepared(&mut self, time_gps: GpsTime, prepared: &[PreparedObservation]) -> EpochMessage {
-        let (observations, Monitored { fit, report }) = self.solve(time_gps, prepared);
+    fn process_prepared(&mut self, tag_gps: GpsTime, prepared: &[PreparedObservation]) -> EpochMessage {
+        let (observations, Monitored { fit, report }) = self.solve(tag_gps, prepared);
         let wls = match &fit {
             Ok(fit) => {
                 let solution = fit.to_solution(solve_velocity(&observations, fit.position()));
                 if solution.is_none() {
-                    self.skips.add(Reason::EpochWithSingularGeometry, || time_gps.to_string());
+                    self.skips.add(Reason::EpochWithSingularGeometry, || tag_gps.to_string());
                 }
                 solution
             }
             Err(error) => {
-                self.skips.add(Reason::EpochWithoutSolution, || format!("{time_gps}: {error}"));
+                let reason = match error {
+                    SolveError::Contradictory { .. } => Reason::EpochContradictory,
+                    _ => Reason::EpochWithoutSolution,
+                };
+                self.skips.add(reason, || format!("{tag_gps}: {error}"));
                 None
             }
         };
         if let Some(solution) = &wls {
             self.position = Some(solution.position);
         }
+        let time_gps = self.receive_time(tag_gps, wls.as_ref(), report.verdict);
         self.filter(time_gps, &observations, wls.as_ref().map(|solution| (solution, report.verdict)));
         let message = EpochMessage {
             phone: self.phone.clone(),
@@ -173,6 +184,12 @@ impl PhonePipeline {
         };
         self.sequence += 1;
         message
+    }
+
+    /// Time of reception by the receiver's clock of a solution that passed the integrity tests or could not be tested.
+    fn receive_time(&mut self, tag_gps: GpsTime, wls: Option<&PointSolution>, verdict: Verdict) -> GpsTime {
+        let trusted = wls.filter(|_| !matches!(verdict, Verdict::Unreliable(_)));
+        self.times.next(tag_gps, trusted.and_then(PointSolution::receiver_clock_m), &mut self.skips)
     }
 
     /// Counts of skips by reason. Masks that named nothing in all epochs are included.
@@ -198,11 +215,19 @@ impl PhonePipeline {
         prepared: &[PreparedObservation],
     ) -> (Vec<CorrectedObservation>, Monitored) {
         let known = self.position.take();
-        let solved = self.solve_from(prepared, known.unwrap_or_else(|| rough_position(prepared)), time_gps);
+        let start = known.unwrap_or_else(|| self.rough_position(prepared));
+        let solved = self.solve_from(prepared, start, time_gps);
         if solved.1.fit.is_err() && known.is_some() {
-            return self.solve_from(prepared, rough_position(prepared), time_gps);
+            return self.solve_from(prepared, self.rough_position(prepared), time_gps);
         }
         solved
+    }
+
+    /// Position of a phone without prior knowledge: a solution without atmosphere, else the Earth's centre.
+    fn rough_position(&self, prepared: &[PreparedObservation]) -> Ecef {
+        let centre = Ecef::new(0.0, 0.0, 0.0);
+        let monitored = solve_with_raim(&mut without_position(prepared), centre, &self.options.raim);
+        monitored.fit.map_or(centre, |fit| fit.position())
     }
 
     fn solve_from(
@@ -215,7 +240,7 @@ impl PhonePipeline {
         for _ in 0..MOST_CORRECTIONS {
             let (mut observations, masked) = self.corrector.finish(prepared, seen_from, time_gps);
             let applied = self.differential.as_mut().map(|d| d.apply(&mut observations, seen_from, time_gps));
-            let monitored = solve_with_raim(&mut observations, seen_from, &self.options.raim);
+            let monitored = without_absurd(solve_with_raim(&mut observations, seen_from, &self.options.raim));
             let moved_m = monitored.fit.as_ref().map_or(0.0, |fit| fit.position().distance_m(seen_from));
             if moved_m <= RECORRECT_M {
                 self.skips.merge(&masked);
@@ -279,8 +304,15 @@ impl PhonePipeline {
     }
 }
 
-/// Position of a phone without prior knowledge: a solution without atmosphere, else the Earth's centre.
-fn rough_position(prepared: &[PreparedObservation]) -> Ecef {
-    let centre = Ecef::new(0.0, 0.0, 0.0);
-    solve_position(&without_position(prepared), centre).map_or(centre, |fit| fit.position())
+/// A solution whose residuals are absurd is none: neither a position nor a start of the filter. The report stays.
+fn without_absurd(monitored: Monitored) -> Monitored {
+    match monitored.report.global_test {
+        Some(test) if monitored.fit.is_ok() && !monitored.report.may_start_filter() => {
+            Monitored { fit: Err(SolveError::Contradictory { scale: test.posterior_scale() }), ..monitored }
+        }
+        _ => monitored,
+    }
 }
+
+#[cfg(test)]
+mod tests;

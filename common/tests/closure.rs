@@ -11,7 +11,8 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use cofix_common::atmosphere::{
-    Ionex, KlobucharCoefficients, STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m,
+    Ionex, KlobucharCoefficients, STANDARD_RELATIVE_HUMIDITY, Troposphere, TroposphereMapping,
+    klobuchar_delay_l1_m,
 };
 use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use cofix_common::frames::{Ecef, EcefVector, Geodetic, LocalFrame};
@@ -378,6 +379,8 @@ impl Receiver {
 
     fn epoch(&self) -> ObservationEpoch {
         let frame = LocalFrame::at(self.position);
+        let mapping = TroposphereMapping::default();
+        let troposphere = Troposphere::at(frame.geodetic(), self.tag, mapping, STANDARD_RELATIVE_HUMIDITY);
         let mut observations = Vec::new();
         for orbit in orbits() {
             let satellite = orbit.satellite();
@@ -386,7 +389,7 @@ impl Receiver {
             if direction.elevation_rad < 10_f64.to_radians() {
                 continue;
             }
-            let troposphere_m = saastamoinen_delay_m(frame.geodetic(), direction, STANDARD_RELATIVE_HUMIDITY);
+            let troposphere_m = troposphere.delay_m(direction);
             for [band, attribute] in signals(satellite.constellation) {
                 let frequency_hz = orbit.frequency_hz(*band);
                 let ionosphere_m = match self.sky {

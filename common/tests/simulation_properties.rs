@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use cofix_common::atmosphere::{
-    STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
+    STANDARD_RELATIVE_HUMIDITY, Troposphere, TroposphereMapping, klobuchar_delay_l1_m, scale_from_l1,
 };
 use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use cofix_common::constraint::{Constraint, Distance, VerticalVelocity};
@@ -284,6 +284,8 @@ fn correct(
     let c = SPEED_OF_LIGHT_MPS;
     let (truth, tag) = (simulated.truth, simulated.epoch.time_gps);
     let frame = LocalFrame::at(truth.position);
+    let mapping = TroposphereMapping::default();
+    let troposphere = Troposphere::at(frame.geodetic(), tag, mapping, STANDARD_RELATIVE_HUMIDITY);
     let one = |observation: &Observation| {
         let (satellite, signal) = (observation.satellite, observation.signal);
         let pseudorange = observation.pseudorange_m.unwrap();
@@ -299,7 +301,7 @@ fn correct(
         let direction = frame.direction(&unit);
         let wavelength = signal.wavelength_m(satellite.constellation, None).unwrap();
         let ionosphere = klobuchar_delay_l1_m(simulation.klobuchar(), frame.geodetic(), direction, tag);
-        let troposphere = saastamoinen_delay_m(frame.geodetic(), direction, STANDARD_RELATIVE_HUMIDITY);
+        let troposphere = troposphere.delay_m(direction);
         // GPS L5 has no delay in the message, and without errors none in truth
         let group_delay =
             products.group_delay_correction_m(satellite, signal, state.clock_reference, tag).unwrap_or(0.0);

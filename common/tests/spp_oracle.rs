@@ -14,7 +14,7 @@ mod beside;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use cofix_common::atmosphere::klobuchar_delay_l1_m;
+use cofix_common::atmosphere::{TroposphereMapping, klobuchar_delay_l1_m};
 use cofix_common::formats::rinex::ObservationFile;
 use cofix_common::frames::{Ecef, LocalFrame};
 use cofix_common::gnss::{ClockGroup, Constellation, ObservationEpoch, SatelliteId};
@@ -134,6 +134,8 @@ impl Solver {
         let options = CorrectionOptions {
             elevation_mask_rad: 15_f64.to_radians(),
             minimum_cn0_dbhz: 0.0,
+            // The reference's, which knows no other.
+            troposphere_mapping: TroposphereMapping::Cosecant,
             ..CorrectionOptions::default()
         };
         let satellites = table(&oracle(&format!("spp/{}_sat.csv", case.reference)));

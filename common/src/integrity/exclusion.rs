@@ -1,8 +1,9 @@
-//! Fault detection and exclusion, one measurement at a time (Cappello 2023; Baarda's local test).
+//! Fault detection and exclusion, one measurement at a time (Cappello 2023; Baarda's local test), or one group of measurements.
 //!
 //! This is the forward half of the paper's Forward-Backward scheme: excluded measurements are not put back, and there is no search over
 //! subsets.
 
+use super::group_exclusion::exclude_group;
 use super::{Cause, GlobalTest, RaimReport, Verdict};
 use crate::frames::Ecef;
 use crate::measurement::{CorrectedObservation, Usage};
@@ -58,8 +59,38 @@ pub struct Monitored {
 }
 
 /// Solves and tests. While the global test fails, excludes the measurement with the largest normalised residual that fails the local test
-/// and can be separated from the others. Excluded observations are marked in place.
+/// and can be separated from the others. If absurd residuals remain, excludes one whole clock group or constellation instead, if exactly one
+/// such exclusion succeeds. Excluded observations are marked in place.
+///
+/// Groups are not excluded for smaller residuals. In a city several satellites of the largest constellation are reflected, and the rest alone
+/// passes by its lack of redundancy: in 61 such epochs of recordings the mean horizontal error grew from 14 to 20 m.
 pub fn solve_with_raim(
+    observations: &mut [CorrectedObservation],
+    start: Ecef,
+    options: &RaimOptions,
+) -> Monitored {
+    let offered: Vec<Usage> = observations.iter().map(|o| o.usage).collect();
+    let singly = exclude_singly(observations, start, options);
+    if singly.report.may_start_filter() {
+        return singly;
+    }
+    let by_singles: Vec<Usage> = observations.iter().map(|o| o.usage).collect();
+    mark(observations, &offered);
+    exclude_group(observations, start, options).unwrap_or_else(|| {
+        mark(observations, &by_singles);
+        singly
+    })
+}
+
+/// Sets the usage of all observations.
+pub(super) fn mark(observations: &mut [CorrectedObservation], usages: &[Usage]) {
+    for (observation, usage) in observations.iter_mut().zip(usages) {
+        observation.usage = *usage;
+    }
+}
+
+/// Solves and tests, with exclusion of single measurements.
+fn exclude_singly(
     observations: &mut [CorrectedObservation],
     start: Ecef,
     options: &RaimOptions,
@@ -92,7 +123,7 @@ pub fn solve_with_raim(
     Monitored { fit, report: RaimReport { verdict, global_test, excluded } }
 }
 
-fn geometry_verdict(dops: Option<Dops>, limits: DopLimits) -> Verdict {
+pub(super) fn geometry_verdict(dops: Option<Dops>, limits: DopLimits) -> Verdict {
     match dops {
         Some(d) if d.pdop <= limits.pdop && d.hdop <= limits.hdop && d.vdop <= limits.vdop => {
             Verdict::Reliable
@@ -102,7 +133,7 @@ fn geometry_verdict(dops: Option<Dops>, limits: DopLimits) -> Verdict {
 }
 
 /// D against χ²(1 − P_fa, m − n); `None` without redundancy.
-fn global_test(fit: &Fit, options: &RaimOptions) -> Option<GlobalTest> {
+pub(super) fn global_test(fit: &Fit, options: &RaimOptions) -> Option<GlobalTest> {
     let degrees_of_freedom = fit.degrees_of_freedom();
     (degrees_of_freedom > 0).then(|| GlobalTest {
         statistic: fit.weighted_square_sum(),

@@ -23,6 +23,7 @@
 //! ```
 
 mod exclusion;
+mod group_exclusion;
 
 pub use exclusion::{DopLimits, Monitored, RaimOptions, solve_with_raim};
 
@@ -81,6 +82,22 @@ pub struct RaimReport {
     pub excluded: u16,
 }
 
+/// Maximum posterior scale of a solution that says anything about the position. Of 385 unreliable epochs of a phone in a city's streets one
+/// is beyond it; below it the horizontal errors are at most 172 m.
+const LARGEST_POSTERIOR_SCALE: f64 = 10.0;
+
+impl RaimReport {
+    /// Whether a solution with this report may start a filter and be given as a position. It may not if the tests failed and its residuals
+    /// are absurd (posterior scale above 10): then measurements are wrong by kilometres, and so may be the position. Solutions that are merely
+    /// unreliable may, because in cities there are often no others for minutes.
+    pub fn may_start_filter(&self) -> bool {
+        match (self.verdict, self.global_test) {
+            (Verdict::Unreliable(_), Some(test)) => test.posterior_scale() <= LARGEST_POSTERIOR_SCALE,
+            _ => true,
+        }
+    }
+}
+
 /// Global test: D = rᵀWr against a χ² quantile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GlobalTest {
@@ -90,4 +107,33 @@ pub struct GlobalTest {
     pub threshold: f64,
     /// m − n.
     pub degrees_of_freedom: u16,
+}
+
+impl GlobalTest {
+    /// Posterior scale √(D/(m − n)): the ratio of the residuals to what the stochastic model expects.
+    pub fn posterior_scale(&self) -> f64 {
+        (self.statistic / f64::from(self.degrees_of_freedom)).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn absurd_residuals_start_no_filter() {
+        let report = |verdict, scale: f64| {
+            let degrees_of_freedom = 9;
+            let statistic = scale * scale * f64::from(degrees_of_freedom);
+            let test = GlobalTest { statistic, threshold: 27.9, degrees_of_freedom };
+            assert!((test.posterior_scale() - scale).abs() < 1e-12);
+            RaimReport { verdict, global_test: Some(test), excluded: 0 }
+        };
+        let failed = Verdict::Unreliable(Cause::TestsFailed);
+        assert!(report(Verdict::Reliable, 1.0).may_start_filter());
+        assert!(report(failed, 9.9).may_start_filter());
+        assert!(!report(failed, 10.1).may_start_filter());
+        let untested = RaimReport { global_test: None, ..report(Verdict::CannotBeChecked, 1.0) };
+        assert!(untested.may_start_filter());
+    }
 }

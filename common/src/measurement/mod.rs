@@ -19,6 +19,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod beidou2;
 mod channel;
 mod correct;
 mod differential;

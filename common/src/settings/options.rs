@@ -103,7 +103,9 @@ impl Settings {
             },
             unknown_group_delay_sigma_m: correction.unknown_group_delay_sigma_m,
             beidou_bias_sigma_m: correction.beidou_bias_sigma_m,
+            beidou2_code_bias: correction.beidou2_code_bias,
             glonass_bias_sigma_m: correction.glonass_bias_sigma_m,
+            troposphere_mapping: correction.troposphere_mapping,
             relative_humidity: correction.relative_humidity,
         }
     }
@@ -130,7 +132,9 @@ impl CorrectionSettings {
             ionosphere: options.ionosphere,
             unknown_group_delay_sigma_m: options.unknown_group_delay_sigma_m,
             beidou_bias_sigma_m: options.beidou_bias_sigma_m,
+            beidou2_code_bias: options.beidou2_code_bias,
             glonass_bias_sigma_m: options.glonass_bias_sigma_m,
+            troposphere_mapping: options.troposphere_mapping,
             relative_humidity: options.relative_humidity,
             stated_elevation_deg: options.stated_elevation_mask_rad.to_degrees(),
             maximum_age_s: differential.maximum_age_s,

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::table::{tables, words};
+use crate::atmosphere::TroposphereMapping;
 use crate::measurement::Ionosphere;
 
 /// Settings with a name.
@@ -83,6 +84,7 @@ pub enum Widening {
 words! {
     Preset { "default" => Self::Default, "peng2023" => Self::Peng2023 }
     Ionosphere { "model" => Self::Model, "pair" => Self::Pair, "pair-only" => Self::PairOnly }
+    TroposphereMapping { "niell" => Self::Niell, "cosecant" => Self::Cosecant }
     VarianceForm {
         "cn0" => Self::Cn0, "elevation" => Self::Elevation, "sum" => Self::Sum, "product" => Self::Product,
     }
@@ -122,8 +124,13 @@ tables! {
         unknown_group_delay_sigma_m: f64 = ["m", 0.0..=1e3];
         /// Standard deviation of the clocks and group delays of BeiDou satellites together.
         beidou_bias_sigma_m: f64 = ["m", 0.0..=1e3];
+        /// Whether the variation of BeiDou-2's B1I pseudoranges with elevation is corrected (Wanninger and Beer 2015).
+        beidou2_code_bias: bool = ["switch", ()];
         /// Standard deviation of the biases between the frequency channels of GLONASS.
         glonass_bias_sigma_m: f64 = ["m", 0.0..=1e3];
+        /// Ratio of the tropospheric delay at an elevation to that at the zenith: the functions of Niell 1996, or 1/sin(elevation), which is
+        /// 1 m too large at 7.5 degrees.
+        troposphere_mapping: TroposphereMapping = ["word", ()];
         /// Relative humidity of the standard atmosphere: 0 is dry, 1 is saturated.
         relative_humidity: f64 = ["no unit", 0.0..=1.0];
         /// Elevation mask of satellites whose tropospheric delay the recording itself states; the mask of all others is elevation_deg in

@@ -8,14 +8,14 @@
 //! ```
 //!
 //! The reflection is that of [`super::street`] with its weight in the received signal. I and T are the delays of a receiver's models
-//! (Klobuchar, and Saastamoinen at [`STANDARD_RELATIVE_HUMIDITY`]), times a scale different from one.
+//! (Klobuchar, and Saastamoinen with the mapping of Niell at [`STANDARD_RELATIVE_HUMIDITY`]), times a scale different from one.
 
 use std::f64::consts::PI;
 
 use rand_chacha::ChaCha8Rng;
 
 use crate::atmosphere::{
-    STANDARD_RELATIVE_HUMIDITY, klobuchar_delay_l1_m, saastamoinen_delay_m, scale_from_l1,
+    STANDARD_RELATIVE_HUMIDITY, Troposphere, TroposphereMapping, klobuchar_delay_l1_m, scale_from_l1,
 };
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
@@ -94,6 +94,7 @@ struct Instant<'a> {
     truth: TruthState,
     clock: ClockState,
     frame: LocalFrame,
+    troposphere: Troposphere,
     surroundings: Surroundings<'a>,
     heading_rad: f64,
 }
@@ -183,14 +184,12 @@ impl Iterator for PhoneEpochs<'_> {
         let state = self.simulation.convoy().phone_state(self.phone.vehicle, &self.phone.mount, received_s);
         let surroundings = Surroundings::at(&scenario.canyons, state.place);
         let in_canyon = surroundings.in_canyon();
+        let (time_gps, frame) = (scenario.start_gps + received_s, LocalFrame::at(state.position));
         let instant = Instant {
-            truth: TruthState {
-                time_gps: scenario.start_gps + received_s,
-                position: state.position,
-                velocity: state.velocity,
-            },
+            truth: TruthState { time_gps, position: state.position, velocity: state.velocity },
             clock: self.clock,
-            frame: LocalFrame::at(state.position),
+            troposphere: troposphere_at(&frame, time_gps),
+            frame,
             surroundings,
             heading_rad: state.place.heading_rad,
             epochs: self,
@@ -212,6 +211,11 @@ impl Iterator for PhoneEpochs<'_> {
         self.next_tag_s = self.tag_index * scenario.interval_s + self.phone.epoch_offset_s;
         Some(simulated)
     }
+}
+
+/// The troposphere of a receiver's model by default.
+fn troposphere_at(frame: &LocalFrame, time_gps: GpsTime) -> Troposphere {
+    Troposphere::at(frame.geodetic(), time_gps, TroposphereMapping::default(), STANDARD_RELATIVE_HUMIDITY)
 }
 
 impl Instant<'_> {
@@ -312,7 +316,7 @@ impl Instant<'_> {
         let coefficients = self.epochs.simulation.klobuchar();
         let l1_m = klobuchar_delay_l1_m(coefficients, receiver, direction, self.truth.time_gps);
         errors.ionosphere_scale * scale_from_l1(l1_m, frequency_hz)
-            + errors.troposphere_scale * saastamoinen_delay_m(receiver, direction, STANDARD_RELATIVE_HUMIDITY)
+            + errors.troposphere_scale * self.troposphere.delay_m(direction)
     }
 
     /// C/N0 from about 33 dB-Hz at the horizon to 47 dB-Hz at the zenith for an average phone under an open sky.

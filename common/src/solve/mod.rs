@@ -33,7 +33,7 @@ use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use crate::frames::{Ecef, EcefVector};
-use crate::gnss::ClockGroup;
+use crate::gnss::{ClockGroup, Constellation};
 
 /// An epoch-wise solution.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,6 +50,22 @@ pub struct PointSolution {
     pub dops: Dops,
     /// Number of used signals.
     pub used: u16,
+}
+
+/// The clock group of the signal that most phones receive best, whose satellites' clocks are those of GPS time.
+const GPS_L1: ClockGroup = ClockGroup { constellation: Constellation::Gps, band: b'1' };
+
+impl PointSolution {
+    /// Offset of the receiver's clock from GPS time, m: that of GPS L1, or else the median of all groups. The groups differ by less than a
+    /// microsecond (the biases of constellations and bands), so this is exact enough for a time, not for a pseudorange.
+    pub fn receiver_clock_m(&self) -> Option<f64> {
+        let gps_l1 = self.clocks_m.iter().find(|(group, _)| *group == GPS_L1);
+        gps_l1.map(|(_, clock_m)| *clock_m).or_else(|| {
+            let mut clocks_m: Vec<f64> = self.clocks_m.iter().map(|(_, clock_m)| *clock_m).collect();
+            clocks_m.sort_by(f64::total_cmp);
+            clocks_m.get(clocks_m.len() / 2).copied()
+        })
+    }
 }
 
 /// An epoch-wise velocity.
@@ -72,4 +88,29 @@ pub struct Dops {
     pub hdop: f64,
     /// Vertical.
     pub vdop: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
+
+    #[test]
+    fn the_receiver_clock_is_that_of_gps_l1_or_else_the_median() {
+        let receiver = Receiver::in_wuhan();
+        let observations = receiver.observe(&OPEN_SKY_DEG);
+        let fit = solve_position(&observations, receiver.position).unwrap();
+        let mut solution = fit.to_solution(None).unwrap();
+        let clock_m = solution.receiver_clock_m().unwrap();
+        assert!((clock_m - receiver.clocks_m[0]).abs() < 1e-3, "{clock_m}");
+        solution.clocks_m[0].0.band = b'5';
+        solution.clocks_m[2].1 = -3e5;
+        let clock_m = solution.receiver_clock_m().unwrap();
+        assert!(
+            (clock_m - receiver.clocks_m[0]).abs() < 1e-3,
+            "the median of 150, 157 and -300,000 m: {clock_m}"
+        );
+        solution.clocks_m.clear();
+        assert_eq!(solution.receiver_clock_m(), None);
+    }
 }

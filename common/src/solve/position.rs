@@ -28,6 +28,12 @@ pub enum SolveError {
         /// Number of pseudoranges in use.
         have: usize,
     },
+    /// The residuals are absurd ([`RaimReport::may_start_filter`](crate::integrity::RaimReport::may_start_filter)).
+    #[error("the pseudoranges contradict each other: residuals {scale:.0} times as large as expected")]
+    Contradictory {
+        /// Posterior scale √(D/(m − n)).
+        scale: f64,
+    },
     /// The iteration did not converge.
     #[error("no convergence in {MAX_ITERATIONS} iterations, last step {step_m:.3} m")]
     Diverged {

@@ -18,7 +18,7 @@ pub struct EpochMessage {
     pub phone: String,
     /// Sequence number, 0, 1, 2, … without gaps in one run of an agent.
     pub sequence: u64,
-    /// Receive time, GPS time.
+    /// Time of reception, GPS time: the receiver's time tag less the offset of its clock.
     pub time_gps: GpsTime,
     /// Corrected observations.
     pub observations: Vec<CorrectedObservation>,

@@ -1,0 +1,148 @@
+//! The pipeline on simulated phones whose clocks or observations are altered.
+
+use super::*;
+use crate::constants::SPEED_OF_LIGHT_MPS;
+use crate::gnss::{Constellation, Observation};
+use crate::simulation::{PhoneOptions, Scenario, SimulatedEpoch, Simulation};
+
+/// A car on an open road for `duration_s`, with its epochs and products.
+fn drive(duration_s: f64) -> (Vec<SimulatedEpoch>, Arc<Products>) {
+    let phone = PhoneOptions { stops_before_s: 0.0, ..PhoneOptions::of_vehicle(0) };
+    let scenario = Scenario { duration_s, phones: vec![phone], canyons: Vec::new(), ..Scenario::default() };
+    let simulation = Simulation::new(scenario).unwrap();
+    (simulation.epochs(0).collect(), Arc::new(simulation.products()))
+}
+
+fn process(
+    epochs: impl Iterator<Item = ObservationEpoch>,
+    products: &Arc<Products>,
+) -> (Vec<EpochMessage>, Skips) {
+    let mut pipeline = PhonePipeline::new("P", Arc::clone(products), PipelineOptions::default());
+    let messages = epochs.map(|epoch| pipeline.process(&epoch)).collect();
+    (messages, pipeline.skips())
+}
+
+/// The same instant as seen by a clock that is `offset_s` further ahead: time tag and pseudoranges grow by it.
+fn with_clock(epoch: &ObservationEpoch, offset_s: f64) -> ObservationEpoch {
+    let mut altered = ObservationEpoch { time_gps: epoch.time_gps + offset_s, ..epoch.clone() };
+    for pseudorange_m in altered.observations.iter_mut().filter_map(|o| o.pseudorange_m.as_mut()) {
+        *pseudorange_m += SPEED_OF_LIGHT_MPS * offset_s;
+    }
+    altered
+}
+
+/// Checks that a clock with the offset `offset_s(k)` at epoch k changes neither times nor positions, and that times are those of the truth.
+fn assert_clock_changes_nothing(offset_s: impl Fn(usize) -> f64) {
+    let (simulated, products) = drive(60.0);
+    let (expected, _) = process(simulated.iter().map(|s| s.epoch.clone()), &products);
+    let altered = simulated.iter().enumerate().map(|(k, s)| with_clock(&s.epoch, offset_s(k)));
+    let (messages, skips) = process(altered, &products);
+    assert_eq!(skips.count(Reason::EpochTimeLimited), 0, "{skips}");
+    for ((message, expected), simulated) in messages.iter().zip(&expected).zip(&simulated) {
+        // Errors of the pseudoranges of some metres are tens of nanoseconds.
+        assert!((message.time_gps - simulated.truth.time_gps).abs() < 2e-7, "{}", message.time_gps);
+        assert!((message.time_gps - expected.time_gps).abs() <= 2e-9, "{}", message.time_gps);
+        let positions =
+            |m: &EpochMessage| [m.wls.as_ref().unwrap().position, m.local.as_ref().unwrap().position()];
+        for (ours, theirs) in positions(message).into_iter().zip(positions(expected)) {
+            // The ionosphere of the model is that of the tag, and the steps of time are whole nanoseconds.
+            assert!(ours.distance_m(theirs) < 1e-3, "{}: {} m", message.time_gps, ours.distance_m(theirs));
+        }
+    }
+    let fastest_mps = simulated.iter().map(|s| s.truth.velocity.0.norm()).fold(0.0, f64::max);
+    assert!(fastest_mps > 8.0, "the car moves");
+}
+
+#[test]
+fn a_clock_offset_of_400_ms_or_20_ms_is_no_error_of_time() {
+    assert_clock_changes_nothing(|_| 0.4);
+    assert_clock_changes_nothing(|_| -0.02);
+}
+
+#[test]
+fn a_clock_that_drifts_and_steps_by_a_millisecond_is_no_error_of_time() {
+    assert_clock_changes_nothing(|k| 1e-4 * (k % 10) as f64 - 5e-4);
+}
+
+#[test]
+fn without_a_reliable_solution_the_last_clock_offset_holds() {
+    let (simulated, products) = drive(30.0);
+    let altered = simulated.iter().enumerate().map(|(k, s)| {
+        let mut epoch = with_clock(&s.epoch, 0.4);
+        match k {
+            // Every pseudorange is wrong by its own hundreds of kilometres, a millisecond of light.
+            10 => {
+                for (i, observation) in epoch.observations.iter_mut().enumerate() {
+                    let error_m = 3e5 * (1.0 + (i * i % 7) as f64);
+                    observation.pseudorange_m = observation.pseudorange_m.map(|p| p + error_m);
+                }
+            }
+            11 => epoch.observations.truncate(3),
+            _ => {}
+        }
+        epoch
+    });
+    let (messages, _) = process(altered, &products);
+    assert!(matches!(messages[10].raim.verdict, Verdict::Unreliable(_)), "{}", messages[10].raim.verdict);
+    assert!(messages[11].wls.is_none());
+    for (message, simulated) in messages.iter().zip(&simulated) {
+        assert!((message.time_gps - simulated.truth.time_gps).abs() < 2e-7, "{}", message.time_gps);
+    }
+}
+
+/// Pseudoranges of Galileo that are wrong by each satellite's own hundreds of kilometres.
+fn ruin_galileo(epoch: &mut ObservationEpoch) {
+    let of_galileo = |o: &&mut Observation| o.satellite.constellation == Constellation::Galileo;
+    for (i, observation) in epoch.observations.iter_mut().filter(of_galileo).enumerate() {
+        let error_m = 1e5 * [3.0, -2.1, 1.7, -3.3, 2.6][i % 5];
+        observation.pseudorange_m = observation.pseudorange_m.map(|p| p + error_m);
+    }
+}
+
+#[test]
+fn a_constellation_that_is_wrong_as_a_whole_costs_only_itself() {
+    let (simulated, products) = drive(30.0);
+    let altered = simulated.iter().map(|s| {
+        let mut epoch = s.epoch.clone();
+        ruin_galileo(&mut epoch);
+        epoch
+    });
+    let (messages, _) = process(altered, &products);
+    let mut reliable = 0;
+    for (message, simulated) in messages.iter().zip(&simulated) {
+        let error_m = |position: Ecef| position.distance_m(simulated.truth.position);
+        if let Some(solution) = &message.wls {
+            assert!(error_m(solution.position) < 30.0, "{}", message.time_gps);
+        }
+        assert!(message.local.as_ref().is_none_or(|local| error_m(local.position()) < 15.0));
+        reliable += usize::from(message.raim.verdict == Verdict::Reliable);
+    }
+    assert!(reliable > 20, "{reliable} of {} epochs are reliable", messages.len());
+}
+
+#[test]
+fn an_absurd_solution_is_no_position_and_starts_no_filter() {
+    let (simulated, products) = drive(12.0);
+    let altered = simulated.iter().enumerate().map(|(k, s)| {
+        let mut epoch = s.epoch.clone();
+        if k < 5 {
+            // All constellations are wrong: no exclusion helps.
+            for (i, observation) in epoch.observations.iter_mut().enumerate() {
+                let error_m = 1e4 * (i * i % 7) as f64;
+                observation.pseudorange_m = observation.pseudorange_m.map(|p| p + error_m);
+            }
+        }
+        epoch
+    });
+    let (messages, skips) = process(altered, &products);
+    for message in &messages[..5] {
+        assert!(message.wls.is_none() && message.local.is_none(), "{}", message.time_gps);
+        assert!(matches!(message.raim.verdict, Verdict::Unreliable(_)), "{}", message.raim.verdict);
+        assert!(message.observations.iter().all(|o| o.residual_m.is_none()));
+    }
+    assert_eq!(skips.count(Reason::EpochContradictory), 5, "{skips}");
+    for (message, simulated) in messages[5..].iter().zip(&simulated[5..]) {
+        let local = message.local.as_ref().unwrap().position();
+        assert!(local.distance_m(simulated.truth.position) < 30.0, "{}", message.time_gps);
+    }
+}
