@@ -9,11 +9,12 @@ use cofix_common::atmosphere::{
 };
 use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use cofix_common::constraint::{Constraint, Distance, VerticalVelocity};
-use cofix_common::frames::LocalFrame;
+use cofix_common::frames::{Direction, Enu, LocalFrame};
 use cofix_common::gnss::{ClockGroup, Constellation, Observation, SatelliteId, SignalCode};
 use cofix_common::orbit::Products;
 use cofix_common::simulation::{
-    ClockOptions, ErrorModel, InterSystemBiases, PhoneOptions, Scenario, SimulatedEpoch, Simulation,
+    AccelerationPulse, ClockOptions, ConvoyOptions, ErrorModel, InterSystemBiases, IonosphereResidual,
+    OwnMotion, PhoneOptions, Scenario, SharedErrors, SimulatedEpoch, Simulation, Traffic,
 };
 use cofix_common::time::GpsTime;
 use nalgebra::{Rotation3, Vector3};
@@ -345,13 +346,15 @@ fn without_errors_the_corrected_observations_fit_the_truth() {
     assert_eq!(signals.len(), 4, "{signals:?}");
 }
 
-#[test]
-fn doppler_is_the_derivative_of_the_pseudorange() {
+/// Compares the Doppler of a phone without errors with the differences of its pseudoranges over 0.2 s; returns the number of comparisons.
+/// The mean of three epochs with the weights 1, 2, 1 is exact while the velocity is linear between epochs.
+fn assert_doppler_is_the_derivative(phone: PhoneOptions, traffic: Traffic) -> usize {
     let simulation = simulation(Scenario {
         noise_free: true,
         interval_s: 0.1,
         duration_s: 40.0,
-        phones: vec![PhoneOptions::of_vehicle(0)],
+        convoy: ConvoyOptions { traffic, ..ConvoyOptions::default() },
+        phones: vec![phone],
         ..Scenario::default()
     });
     let products = simulation.products();
@@ -362,21 +365,179 @@ fn doppler_is_the_derivative_of_the_pseudorange() {
     let mut compared = 0;
     for three in corrected.windows(3) {
         for middle in &three[1] {
-            let same = |epoch: &Vec<Corrected>| {
-                let found = |o: &&Corrected| (o.satellite, o.signal) == (middle.satellite, middle.signal);
-                epoch.iter().find(found).map(|o| o.without_delays_m)
-            };
-            let (Some(before), Some(after)) = (same(&three[0]), same(&three[2])) else { continue };
-            let derivative = (after - before) / 0.2;
-            assert!(
-                (derivative - middle.without_drift_mps).abs() < 0.006,
-                "{derivative} {}",
-                middle.without_drift_mps
-            );
+            let same = |o: &&Corrected| (o.satellite, o.signal) == (middle.satellite, middle.signal);
+            let (before, after) = (three[0].iter().find(same), three[2].iter().find(same));
+            let (Some(before), Some(after)) = (before, after) else { continue };
+            let derivative = (after.without_delays_m - before.without_delays_m) / 0.2;
+            let ends_mps = before.without_drift_mps + after.without_drift_mps;
+            let mean_mps = 0.25 * ends_mps + 0.5 * middle.without_drift_mps;
+            assert!((derivative - mean_mps).abs() < 0.006, "{derivative} {mean_mps}");
             compared += 1;
         }
     }
+    compared
+}
+
+#[test]
+fn doppler_is_the_derivative_of_the_pseudorange() {
+    let compared = assert_doppler_is_the_derivative(PhoneOptions::of_vehicle(0), Traffic::Town);
     assert!(compared > 5_000, "{compared}");
+}
+
+const fn enu(east: f64, north: f64, up: f64) -> Enu {
+    Enu { east, north, up }
+}
+
+/// A phone that leaves its car at 20 s, one that climbs at 2 m/s, an acceleration of 10 m/s² for three seconds, and an aircraft.
+fn motions() -> [(Traffic, OwnMotion); 4] {
+    let pulse = AccelerationPulse { from_s: 20.0, duration_s: 3.0, acceleration_mps2: enu(10.0, 0.0, 0.0) };
+    [
+        (Traffic::Town, OwnMotion::departure(20.0, enu(0.0, 0.3, 0.0))),
+        (Traffic::Standing, OwnMotion::with_velocity(enu(0.0, 0.0, 2.0))),
+        (Traffic::Town, OwnMotion::default().and(pulse)),
+        (Traffic::Standing, OwnMotion::with_velocity(enu(250.0, 0.0, 0.0))),
+    ]
+}
+
+#[test]
+fn in_manoeuvres_doppler_is_the_derivative_of_the_pseudorange_too() {
+    for (traffic, motion) in motions() {
+        let phone = PhoneOptions { motion, ..PhoneOptions::of_vehicle(0) };
+        let compared = assert_doppler_is_the_derivative(phone, traffic);
+        assert!(compared > 5_000, "{compared}");
+    }
+}
+
+#[test]
+fn in_manoeuvres_the_velocity_is_the_derivative_of_the_position() {
+    for (traffic, motion) in motions() {
+        let convoy = ConvoyOptions { traffic, ..ConvoyOptions::default() };
+        let moving = PhoneOptions { motion: motion.clone(), ..PhoneOptions::of_vehicle(0) };
+        let phones = vec![moving, PhoneOptions { vehicle: 0, ..PhoneOptions::of_vehicle(1) }];
+        let simulation = simulation(Scenario { phones, convoy, ..Scenario::default() });
+        let at =
+            |phone: usize, time_s: f64| simulation.truth_at(phone, simulation.scenario().start_gps + time_s);
+        for step in 0..300 {
+            let time_s = 0.15 + 0.2 * f64::from(step);
+            let h = 1e-3;
+            let way = at(0, time_s + h).position - at(0, time_s - h).position;
+            let difference = (way.0 / (2.0 * h) - at(0, time_s).velocity.0).norm();
+            assert!(difference < 1e-4, "{motion:?} at {time_s} s: {difference}");
+        }
+        // Relative to the other phone of the car, after a minute.
+        let frame = LocalFrame::at(at(1, 60.0).position);
+        let apart = frame.ecef_to_enu(at(0, 60.0).position);
+        let expected = match (traffic, motion.pulses.len()) {
+            (Traffic::Town, 1) if motion.pulses[0].duration_s == 1.0 => enu(0.0, 0.3 * 39.5, 0.0),
+            (Traffic::Town, _) => enu(45.0 + 30.0 * 37.0, 0.0, 0.0),
+            (Traffic::Standing, _) => (motion.initial_velocity_mps.vector() * 60.0).into(),
+        };
+        let height_m = at(0, 60.0).position.ecef_to_geodetic().height_m
+            - at(1, 60.0).position.ecef_to_geodetic().height_m;
+        assert!((height_m - expected.up).abs() < 0.1, "{motion:?}: {height_m} m");
+        assert!((apart.east - expected.east).abs() < 0.2, "{motion:?}: {apart:?}");
+        assert!((apart.north - expected.north).abs() < 0.2, "{motion:?}: {apart:?}");
+    }
+}
+
+/// With no other errors, what the models leave is the satellite's bias and the ionosphere residual, the same at all phones.
+#[test]
+fn slow_errors_of_satellites_and_ionosphere_are_alike_at_all_phones() {
+    let errors = ErrorModel { shared: SharedErrors::typical(), ..ErrorModel::none() };
+    let scenario = Scenario { duration_s: 200.0, ..Scenario::convoy(2) };
+    let simulation = simulation(Scenario { errors, interval_s: 10.0, canyons: Vec::new(), ..scenario });
+    let products = simulation.products();
+    let of_phone = |phone: usize| {
+        let epochs = simulation.phone(phone).unwrap();
+        let biases = *epochs.inter_system_biases();
+        let of_epoch = |simulated: SimulatedEpoch| {
+            (simulated.truth, correct(&simulation, &products, &biases, &simulated))
+        };
+        epochs.map(of_epoch).collect::<Vec<_>>()
+    };
+    let (mut compared, mut distinct) = (0, BTreeMap::new());
+    let (first, second) = (of_phone(0), of_phone(1));
+    for (truth, corrected) in first.iter().chain(&second) {
+        let frame = LocalFrame::at(truth.position);
+        let zenith = Direction { azimuth_rad: 0.0, elevation_rad: std::f64::consts::FRAC_PI_2 };
+        let time_gps = truth.time_gps;
+        let vertical_m = klobuchar_delay_l1_m(simulation.klobuchar(), frame.geodetic(), zenith, time_gps);
+        let residual = simulation.ionosphere_residual(time_gps);
+        for one in corrected {
+            let satellite = simulation.satellite_state(one.satellite, time_gps).unwrap();
+            let direction = frame.direction(&(satellite.position - truth.position).0.normalize());
+            let wavelength_m = one.signal.wavelength_m(one.satellite.constellation, None).unwrap();
+            let delay_m = residual.delay_l1_m(vertical_m, frame.geodetic(), direction);
+            let bias_m = simulation.satellite_bias_m(one.satellite, time_gps).unwrap();
+            let expected_m = bias_m + scale_from_l1(delay_m, SPEED_OF_LIGHT_MPS / wavelength_m);
+            assert!((one.residual_m - expected_m).abs() < 0.02, "{} {expected_m}", one.residual_m);
+            compared += 1;
+            distinct.insert(one.satellite, bias_m);
+        }
+    }
+    let mut biases: Vec<f64> = distinct.into_values().collect();
+    biases.sort_by(f64::total_cmp);
+    assert!(compared > 800 && biases.len() > 15, "{compared} {biases:?}");
+    assert!(biases.windows(2).all(|two| two[0] < two[1]), "different over satellites: {biases:?}");
+    // The second phone starts 10 s later.
+    for ((_, of_first), (_, of_second)) in first.iter().skip(1).zip(&second) {
+        for one in of_first {
+            let same = of_second.iter().find(|o| (o.satellite, o.signal) == (one.satellite, one.signal));
+            assert!(same.is_none_or(|same| (same.residual_m - one.residual_m).abs() < 0.01));
+        }
+    }
+}
+
+#[test]
+fn slow_errors_have_their_standard_deviations() {
+    let errors = ErrorModel { shared: SharedErrors::typical(), ..ErrorModel::default() };
+    let mut biases: BTreeMap<Constellation, Vec<f64>> = BTreeMap::new();
+    let mut ionosphere = [const { Vec::new() }; 3];
+    for seed in 0..300 {
+        let simulation = simulation(Scenario { errors, ..short(seed) });
+        let time_gps = simulation.scenario().start_gps + 30.0;
+        for satellite in
+            simulation.ephemerides().iter().map(|message| message.satellite).collect::<BTreeSet<_>>()
+        {
+            let bias_m = simulation.satellite_bias_m(satellite, time_gps).unwrap();
+            biases.entry(satellite.constellation).or_default().push(bias_m);
+        }
+        let IonosphereResidual { vertical_fraction, north_m_per_1000km, east_m_per_1000km } =
+            simulation.ionosphere_residual(time_gps);
+        for (values, value) in
+            ionosphere.iter_mut().zip([vertical_fraction, north_m_per_1000km, east_m_per_1000km])
+        {
+            values.push(value);
+        }
+    }
+    let assert_sigma = |values: &[f64], sigma: f64| {
+        let rms = (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
+        assert!((rms / sigma - 1.0).abs() < 0.15, "{rms} {sigma}");
+    };
+    assert_sigma(&biases[&Constellation::Gps], 1.0);
+    assert_sigma(&biases[&Constellation::Galileo], 1.0);
+    assert_sigma(&biases[&Constellation::Beidou], 2.0);
+    for (values, sigma) in ionosphere.iter().zip([0.3, 1.0, 1.0]) {
+        assert_sigma(values, sigma);
+    }
+}
+
+#[test]
+fn without_slow_errors_there_are_none_and_with_them_all_others_are_the_same() {
+    let without = simulation(short(3));
+    let satellite = without.ephemerides()[0].satellite;
+    let time_gps = without.scenario().start_gps + 30.0;
+    assert_eq!(without.satellite_bias_m(satellite, time_gps), Some(0.0));
+    assert_eq!(without.ionosphere_residual(time_gps), IonosphereResidual::NONE);
+    let errors = ErrorModel { shared: SharedErrors::typical(), ..ErrorModel::default() };
+    let with = simulation(Scenario { errors, ..short(3) });
+    for (a, b) in without.epochs(1).zip(with.epochs(1)) {
+        let dopplers = |epoch: &SimulatedEpoch| -> Vec<_> {
+            epoch.epoch.observations.iter().map(|o| (o.satellite, o.doppler_hz, o.cn0_dbhz)).collect()
+        };
+        assert_eq!(dopplers(&a), dopplers(&b));
+        assert_ne!(a.epoch.observations, b.epoch.observations);
+    }
 }
 
 #[test]

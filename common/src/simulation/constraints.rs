@@ -17,7 +17,8 @@ impl Simulation {
     /// Constraints that the truth keeps: the distance of every pair.
     ///
     /// Phones of one vehicle have one common upper bound with a margin. Between vehicles the bounds are those of the convoy,
-    /// enlarged by the phones' offsets in their vehicles.
+    /// enlarged by the phones' offsets in their vehicles. Motions of phones relative to their vehicles are not considered: the bounds are
+    /// those of an observer who does not know of them.
     pub fn distance_constraints(&self) -> Vec<Constraint> {
         let phones = &self.scenario.phones;
         let count = phones.len();

@@ -7,6 +7,8 @@
 
 use std::f64::consts::TAU;
 
+use nalgebra::Vector3;
+
 use super::mount::Mount;
 use super::profile::SpeedProfile;
 use super::road::{Road, RoadPoint};
@@ -133,6 +135,28 @@ impl Convoy {
         }
     }
 
+    /// A state displaced by `displacement_m` (east, north, up from the curved Earth), with the additional velocity `velocity_mps`. The place on
+    /// the road, by which houses are seen, stays that of the vehicle.
+    pub(super) fn displaced(
+        &self,
+        state: VehicleState,
+        displacement_m: Vector3<f64>,
+        velocity_mps: Vector3<f64>,
+    ) -> VehicleState {
+        let before = self.frame.ecef_to_enu(state.position).vector();
+        let rate_before = self.frame.vector_ecef_to_enu(state.velocity).vector();
+        let (drop_before_m, drop_before_mps) = drop_of_horizon(before, rate_before);
+        let (drop_m, drop_mps) = drop_of_horizon(before + displacement_m, rate_before + velocity_mps);
+        let displacement = displacement_m - Vector3::z() * (drop_m - drop_before_m);
+        let velocity = velocity_mps - Vector3::z() * (drop_mps - drop_before_mps);
+        let in_ecef = |vector: Vector3<f64>| self.frame.vector_enu_to_ecef(vector.into()).0;
+        VehicleState {
+            position: Ecef(state.position.0 + in_ecef(displacement)),
+            velocity: EcefVector(state.velocity.0 + in_ecef(velocity)),
+            ..state
+        }
+    }
+
     /// Maximum speed along the lane's centre, m/s.
     pub fn maximum_speed_mps(&self) -> f64 {
         self.profile.maximum_speed_mps() * (1.0 + self.options.gap_variation_m * TAU / VARIATION_PERIOD_M)
@@ -180,6 +204,15 @@ impl Convoy {
     }
 }
 
+/// Drop of the curved Earth below the tangent plane at a place (east, north, up) in it, m, and its rate with the velocity there, m/s.
+fn drop_of_horizon(place: Vector3<f64>, velocity: Vector3<f64>) -> (f64, f64) {
+    let (east, north) = (place.x, place.y);
+    (
+        (east * east + north * north) / (2.0 * EARTH_RADIUS_M),
+        (east * velocity.x + north * velocity.y) / EARTH_RADIUS_M,
+    )
+}
+
 /// An offset from a point of the centre line.
 struct Beside {
     /// Offset in the road's direction, m.
@@ -204,8 +237,10 @@ impl Beside {
         let across_rate = right_rate + point.curvature_1pm * forward_m;
         let east_rate = along_rate * sin + across_rate * cos;
         let north_rate = along_rate * cos - across_rate * sin;
-        let up = point.height_m + up_m - (east * east + north * north) / (2.0 * EARTH_RADIUS_M);
-        let up_rate = point.slope - (east * east_rate + north * north_rate) / EARTH_RADIUS_M;
+        let (place, rate) = (Vector3::new(east, north, 0.0), Vector3::new(east_rate, north_rate, 0.0));
+        let (drop_m, drop_rate) = drop_of_horizon(place, rate);
+        let up = point.height_m + up_m - drop_m;
+        let up_rate = point.slope - drop_rate;
         (Enu { east, north, up }, Enu { east: east_rate, north: north_rate, up: up_rate })
     }
 }

@@ -10,6 +10,8 @@
 use rand::Rng;
 use rand_distr::StandardNormal;
 
+use super::shared::SharedErrors;
+
 /// Sizes of the errors. All scenarios have those of [`ErrorModel::default`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorModel {
@@ -43,6 +45,8 @@ pub struct ErrorModel {
     pub troposphere_scale: f64,
     /// Standard deviation of the satellites' L5 delays, which are in no simulated message, m.
     pub l5_delay_m: f64,
+    /// Slowly varying errors of satellites and ionosphere that all phones have alike.
+    pub shared: SharedErrors,
 }
 
 impl Default for ErrorModel {
@@ -64,6 +68,7 @@ impl Default for ErrorModel {
             ionosphere_scale: 1.15,
             troposphere_scale: 1.02,
             l5_delay_m: 0.8,
+            shared: SharedErrors::default(),
         }
     }
 }
@@ -87,6 +92,7 @@ impl ErrorModel {
             ionosphere_scale: 1.0,
             troposphere_scale: 1.0,
             l5_delay_m: 0.0,
+            shared: SharedErrors::NONE,
         }
     }
 

@@ -8,10 +8,11 @@
 //! | file | content |
 //! |---|---|
 //! | `scenario`, `named` | scenarios, and those with a name |
-//! | `road`, `profile`, `convoy`, `mount` | positions of vehicles and phones |
+//! | `road`, `profile`, `convoy`, `mount`, `motion` | positions of vehicles and phones |
 //! | `street` | houses that hide and reflect satellites |
 //! | `constellation`, `satellites`, `geometry` | orbits, messages, light time |
 //! | `environment`, `tracks`, `receiver` | errors, their random processes, clocks |
+//! | `shared` | slow errors of satellites and ionosphere, the same at all phones |
 //! | `observations` | epochs from all of these |
 //! | `constraints` | true constraints on the phones |
 //!
@@ -31,6 +32,9 @@
 //! each piece of a façade have their own ChaCha streams, so results do not depend on the order in which phones are simulated.
 //! Sines and exponentials are those of the platform, so two platforms may differ in the last digits.
 //!
+//! A phone may have a motion of its own ([`OwnMotion`]), such as one that is carried away from the car. Slow biases of
+//! satellites and an ionosphere residual, the same at all phones, are off unless [`ErrorModel::shared`] says otherwise.
+//!
 //! Phones of one vehicle have common errors as in a real one: errors of orbits, clocks and atmosphere, reflections by
 //! houses, and a part of the diffuse multipath. Not simulated: carrier phase, cycle slips, GLONASS, diffraction at roofs,
 //! second reflections, and any dependence of the multipath's correlation on speed.
@@ -40,6 +44,7 @@ mod constraints;
 mod convoy;
 mod environment;
 mod geometry;
+mod motion;
 mod mount;
 mod named;
 mod observations;
@@ -49,16 +54,19 @@ mod receiver;
 mod road;
 mod satellites;
 mod scenario;
+mod shared;
 mod street;
 mod tracks;
 
 pub use convoy::{Convoy, ConvoyOptions, Traffic, VehicleState};
 pub use environment::ErrorModel;
+pub use motion::{AccelerationPulse, OwnMotion};
 pub use mount::Mount;
 pub use observations::{GrossError, PhoneEpochs, SimulatedEpoch, TruthState};
 pub use receiver::{ClockOptions, ClockState, InterSystemBiases};
 pub use road::{Road, RoadPoint};
 pub use scenario::{PhoneOptions, Scenario, ScenarioError};
+pub use shared::{IonosphereResidual, SharedErrors};
 pub use street::{Canyon, Facade};
 
 use crate::atmosphere::KlobucharCoefficients;
@@ -69,6 +77,7 @@ use crate::time::GpsTime;
 
 use random::Streams;
 use satellites::SimulatedSatellite;
+use shared::IonosphereProcess;
 
 /// Broadcast ionosphere coefficients: a day of moderate solar activity.
 const KLOBUCHAR: KlobucharCoefficients = KlobucharCoefficients {
@@ -83,6 +92,7 @@ pub struct Simulation {
     convoy: Convoy,
     ephemerides: Vec<KeplerEphemeris>,
     satellites: Vec<SimulatedSatellite>,
+    ionosphere: IonosphereProcess,
 }
 
 impl Simulation {
@@ -96,9 +106,11 @@ impl Simulation {
         let streams = Streams::new(scenario.seed);
         let ephemerides =
             constellation::ephemerides(scenario.start_gps, scenario.end_gps(), &mut streams.world());
-        let satellites = SimulatedSatellite::group(&ephemerides, &mut streams.satellite_errors());
+        let (shared, duration_s) = (scenario.error_model().shared, scenario.duration_s);
+        let satellites = SimulatedSatellite::group(&ephemerides, streams, &shared, duration_s);
+        let ionosphere = IonosphereProcess::new(duration_s, shared.time_constant_s, streams.ionosphere());
         let convoy = Convoy::new(scenario.origin, scenario.convoy);
-        Ok(Self { scenario, convoy, ephemerides, satellites })
+        Ok(Self { scenario, convoy, ephemerides, satellites, ionosphere })
     }
 
     /// The scenario.
@@ -160,10 +172,10 @@ impl Simulation {
 
     /// True state of a phone at any instant. An index without a phone means the vehicle of that rank.
     pub fn truth_at(&self, phone: usize, time_gps: GpsTime) -> TruthState {
+        let time_s = time_gps - self.scenario.start_gps;
         let options = self.scenario.phones.get(phone);
-        let (vehicle, mount) =
-            options.map_or((phone, Mount::default()), |options| (options.vehicle, options.mount));
-        let state = self.convoy.phone_state(vehicle, &mount, time_gps - self.scenario.start_gps);
+        let state = options
+            .map_or_else(|| self.convoy.state(phone, time_s), |options| self.phone_state(options, time_s));
         TruthState { time_gps, position: state.position, velocity: state.velocity }
     }
 
@@ -174,6 +186,27 @@ impl Simulation {
             .take_while(|second| *second <= seconds)
             .map(|second| self.truth_at(phone, self.scenario.start_gps + second))
             .collect()
+    }
+
+    /// Slow range bias of a satellite, the same at all phones, m; `None` for a satellite that does not exist.
+    pub fn satellite_bias_m(&self, satellite: SatelliteId, time_gps: GpsTime) -> Option<f64> {
+        let found = self.satellites.iter().find(|simulated| simulated.id() == satellite)?;
+        Some(found.bias_m(&self.scenario.error_model().shared, time_gps - self.scenario.start_gps))
+    }
+
+    /// Ionosphere residual, the same at all phones.
+    pub fn ionosphere_residual(&self, time_gps: GpsTime) -> IonosphereResidual {
+        self.ionosphere.at(&self.scenario.error_model().shared, time_gps - self.scenario.start_gps)
+    }
+
+    /// State of a phone at `time_s` since the start.
+    fn phone_state(&self, phone: &PhoneOptions, time_s: f64) -> VehicleState {
+        let state = self.convoy.phone_state(phone.vehicle, &phone.mount, time_s);
+        if phone.motion.is_none() {
+            return state;
+        }
+        let (displacement_m, velocity_mps) = phone.motion.at(time_s);
+        self.convoy.displaced(state, displacement_m, velocity_mps)
     }
 
     fn satellites(&self) -> &[SimulatedSatellite] {

@@ -3,7 +3,7 @@
 //! At the true instant of reception t = tag − dt_r the phone is at r_k. With the path of [`super::geometry`],
 //!
 //! ```text
-//! P   = ρ + c·(dt_r + ISB) − c·dT_s + I + T + c·TGD + signal in space + reflection + multipath + outlier + noise
+//! P   = ρ + c·(dt_r + ISB) − c·dT_s + I + T + c·TGD + signal in space + shared + reflection + multipath + outlier + noise
 //! −λD = ρ̇ + c·(ḋt_r − ḋT_s) + reflection + noise
 //! ```
 //!
@@ -30,6 +30,7 @@ use super::geometry::{Path, path};
 use super::receiver::{ClockState, InterSystemBiases};
 use super::satellites::SimulatedSatellite;
 use super::scenario::PhoneOptions;
+use super::shared::{SharedErrors, ZENITH};
 use super::street::{Facades, Surroundings};
 use super::tracks::{Draws, SharedTrack, Track};
 
@@ -181,7 +182,7 @@ impl Iterator for PhoneEpochs<'_> {
         let draws = self.draw();
         let scenario = self.simulation.scenario();
         let received_s = self.next_tag_s - self.clock.bias_s;
-        let state = self.simulation.convoy().phone_state(self.phone.vehicle, &self.phone.mount, received_s);
+        let state = self.simulation.phone_state(self.phone, received_s);
         let surroundings = Surroundings::at(&scenario.canyons, state.place);
         let in_canyon = surroundings.in_canyon();
         let (time_gps, frame) = (scenario.start_gps + received_s, LocalFrame::at(state.position));
@@ -282,7 +283,9 @@ impl Instant<'_> {
         }
         let group = ClockGroup { constellation, band: signal.band };
         let clock_m = SPEED_OF_LIGHT_MPS * (self.clock.bias_s + self.epochs.biases.of(group) - path.clock_s);
-        let delays_m = self.atmosphere_m(*direction, SPEED_OF_LIGHT_MPS / wavelength_m)
+        let frequency_hz = SPEED_OF_LIGHT_MPS / wavelength_m;
+        let delays_m = self.atmosphere_m(*direction, frequency_hz)
+            + self.shared_m(satellite, *direction, frequency_hz)
             + satellite.group_delay_m(signal, errors.l5_delay_m)
             + satellite.signal_in_space_m(errors.signal_in_space_m);
         let in_canyon = self.surroundings.in_canyon();
@@ -307,6 +310,20 @@ impl Instant<'_> {
             cn0_dbhz: Some(cn0_dbhz),
             loss_of_lock: LossOfLock::default(),
         })
+    }
+
+    /// Slow errors that all phones have alike, m.
+    fn shared_m(&self, satellite: &SimulatedSatellite, direction: Direction, frequency_hz: f64) -> f64 {
+        let PhoneEpochs { simulation, errors, .. } = self.epochs;
+        if errors.shared == SharedErrors::NONE {
+            return 0.0;
+        }
+        let (receiver, time_gps) = (self.frame.geodetic(), self.truth.time_gps);
+        let vertical_m = klobuchar_delay_l1_m(simulation.klobuchar(), receiver, ZENITH, time_gps);
+        let residual = simulation.ionosphere_residual(time_gps);
+        let ionosphere_m = residual.delay_l1_m(vertical_m, receiver, direction);
+        let bias_m = satellite.bias_m(&errors.shared, time_gps - simulation.scenario().start_gps);
+        bias_m + scale_from_l1(ionosphere_m, frequency_hz)
     }
 
     /// True delays of ionosphere and troposphere, m.

@@ -7,6 +7,10 @@ use rand_chacha::ChaCha8Rng;
 const SATELLITE_BITS: u32 = 16;
 /// First stream number of the vehicles, beyond those of the phones.
 const VEHICLES: u64 = 1 << 40;
+/// First stream number of the satellites' slow biases.
+const SATELLITE_BIASES: u64 = 1 << 41;
+/// Stream number of the ionosphere residual.
+const IONOSPHERE: u64 = 1 << 42;
 /// First stream number of the façades.
 const FACADES: u64 = 1 << 62;
 
@@ -29,6 +33,16 @@ impl Streams {
     /// Errors of the satellites that are not in the navigation messages.
     pub(super) fn satellite_errors(self) -> ChaCha8Rng {
         self.stream(1)
+    }
+
+    /// Slow bias of a satellite, the same at all phones.
+    pub(super) fn satellite_bias(self, satellite: usize) -> ChaCha8Rng {
+        self.stream(SATELLITE_BIASES | satellite as u64)
+    }
+
+    /// Ionosphere residual, the same at all phones.
+    pub(super) fn ionosphere(self) -> ChaCha8Rng {
+        self.stream(IONOSPHERE)
     }
 
     /// Clock and receiver biases of a phone.

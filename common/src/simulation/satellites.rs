@@ -9,6 +9,9 @@ use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::orbit::{KeplerEphemeris, SatelliteState};
 use crate::time::GpsTime;
 
+use super::random::Streams;
+use super::shared::{SharedErrors, SlowProcess};
+
 /// Sine of the elevation below which a satellite is skipped early (−2°).
 const FAR_BELOW_HORIZON: f64 = -0.035;
 
@@ -21,18 +24,30 @@ pub(super) struct SimulatedSatellite {
     l5_delay: f64,
     /// Standard normal draw for the error of orbit and clock in the message.
     signal_in_space: f64,
+    /// Bias of unit variance, the same at all phones.
+    bias: SlowProcess,
 }
 
 impl SimulatedSatellite {
-    /// Groups messages, which are ordered by satellite and then by time; `random` draws the errors that are not in the messages.
-    pub(super) fn group(messages: &[KeplerEphemeris], random: &mut impl Rng) -> Vec<Self> {
+    /// Groups messages, which are ordered by satellite and then by time, and draws the errors that are not in the messages, for a
+    /// scenario of `duration_s`.
+    pub(super) fn group(
+        messages: &[KeplerEphemeris],
+        streams: Streams,
+        shared: &SharedErrors,
+        duration_s: f64,
+    ) -> Vec<Self> {
+        let mut random = streams.satellite_errors();
         messages
             .chunk_by(|a, b| a.satellite == b.satellite)
-            .filter_map(|messages| {
+            .enumerate()
+            .filter_map(|(index, messages)| {
                 let id = messages.first()?.satellite;
                 let (l5_delay, signal_in_space) =
                     (random.sample(StandardNormal), random.sample(StandardNormal));
-                Some(Self { messages: messages.to_vec(), id, l5_delay, signal_in_space })
+                let bias =
+                    SlowProcess::new(duration_s, shared.time_constant_s, streams.satellite_bias(index));
+                Some(Self { messages: messages.to_vec(), id, l5_delay, signal_in_space, bias })
             })
             .collect()
     }
@@ -70,6 +85,11 @@ impl SimulatedSatellite {
     /// Range error of the message in the direction of every phone, m; its standard deviation is `sigma_m`.
     pub(super) fn signal_in_space_m(&self, sigma_m: f64) -> f64 {
         sigma_m * self.signal_in_space
+    }
+
+    /// Slow range bias at `time_s` since the scenario's start, m.
+    pub(super) fn bias_m(&self, shared: &SharedErrors, time_s: f64) -> f64 {
+        shared.satellite_bias_sigma_m(self.id.constellation) * self.bias.at(time_s)
     }
 
     /// Delay of a signal relative to the broadcast clock, m: by the message, and on L5 `l5_sigma_m` times a constant

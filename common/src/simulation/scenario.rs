@@ -1,18 +1,26 @@
 //! Description of a simulation.
 
-use crate::frames::Geodetic;
+use crate::frames::{Enu, Geodetic};
 use crate::time::GpsTime;
 
 use super::convoy::ConvoyOptions;
 use super::environment::ErrorModel;
+use super::motion::OwnMotion;
 use super::mount::Mount;
 use super::receiver::ClockOptions;
+use super::shared::{IonosphereResidual, SharedErrors};
 use super::street::{Canyon, Facade};
 
 /// Maximum duration of a scenario, s (one day).
 const LONGEST_S: f64 = 86_400.0;
 /// Minimum interval between epochs, s.
 const SHORTEST_INTERVAL_S: f64 = 0.01;
+/// Maximum speed of a phone relative to its vehicle along an axis, m/s.
+const FASTEST_MPS: f64 = 10_000.0;
+/// Maximum acceleration of a phone relative to its vehicle along an axis, m/s².
+const GREATEST_ACCELERATION_MPS2: f64 = 1_000.0;
+/// Minimum time constant of the errors that all phones have alike, s.
+const SHORTEST_TIME_CONSTANT_S: f64 = 600.0;
 /// Maximum number of vehicles.
 const MOST_VEHICLES: f64 = 100.0;
 
@@ -25,6 +33,8 @@ pub struct PhoneOptions {
     pub vehicle: usize,
     /// Mounting in the vehicle.
     pub mount: Mount,
+    /// Motion relative to the vehicle.
+    pub motion: OwnMotion,
     /// Offset of the time tags from the full interval, s, in [0, interval).
     pub epoch_offset_s: f64,
     /// Start of the phone after that of the scenario, s.
@@ -50,6 +60,7 @@ impl PhoneOptions {
             name: format!("SIM{}", rank + 1),
             vehicle: rank,
             mount: Mount::default(),
+            motion: OwnMotion::default(),
             epoch_offset_s: OFFSETS_S.get(turn).copied().unwrap_or(0.0),
             starts_after_s: 3.0 * turn as f64,
             stops_before_s: 4.0 * turn as f64,
@@ -177,6 +188,7 @@ impl Scenario {
             within("mount.cabin_loss_db", phone.mount.cabin_loss_db, 0.0, 60.0)?;
             within("mount.faces_rad", phone.mount.faces_rad, -10.0, 10.0)?;
             within("mount.body_loss_db", phone.mount.body_loss_db, 0.0, 60.0)?;
+            phone.motion.validate()?;
         }
         self.canyons.iter().flat_map(|canyon| [canyon.left, canyon.right]).flatten().try_for_each(|facade| {
             within("canyon height_m", facade.height_m, 0.0, 1_000.0)?;
@@ -204,7 +216,40 @@ impl ErrorModel {
         sizes.into_iter().try_for_each(|(name, value)| within(name, value, 0.0, 1e9))?;
         within("multipath_shared", self.multipath_shared, 0.0, 1.0)?;
         within("facades_reflecting", self.facades_reflecting, 0.0, 1.0)?;
-        within("multipath_correlation_s", self.multipath_correlation_s, 1e-3, LONGEST_S)
+        within("multipath_correlation_s", self.multipath_correlation_s, 1e-3, LONGEST_S)?;
+        self.shared.validate()
+    }
+}
+
+impl SharedErrors {
+    fn validate(&self) -> Result<(), ScenarioError> {
+        within("gps_galileo_bias_sigma_m", self.gps_galileo_bias_sigma_m, 0.0, 1e9)?;
+        within("beidou_bias_sigma_m", self.beidou_bias_sigma_m, 0.0, 1e9)?;
+        within("time_constant_s", self.time_constant_s, SHORTEST_TIME_CONSTANT_S, f64::MAX)?;
+        self.ionosphere_mean.validate(-1e9)?;
+        self.ionosphere_sigma.validate(0.0)
+    }
+}
+
+impl IonosphereResidual {
+    fn validate(&self, minimum: f64) -> Result<(), ScenarioError> {
+        within("vertical_fraction", self.vertical_fraction, minimum, 1e9)?;
+        within("north_m_per_1000km", self.north_m_per_1000km, minimum, 1e9)?;
+        within("east_m_per_1000km", self.east_m_per_1000km, minimum, 1e9)
+    }
+}
+
+impl OwnMotion {
+    fn validate(&self) -> Result<(), ScenarioError> {
+        let axes = |name, Enu { east, north, up }: Enu, largest: f64| {
+            [east, north, up].into_iter().try_for_each(|value| within(name, value, -largest, largest))
+        };
+        axes("motion.initial_velocity_mps", self.initial_velocity_mps, FASTEST_MPS)?;
+        self.pulses.iter().try_for_each(|pulse| {
+            within("pulse.from_s", pulse.from_s, -LONGEST_S, LONGEST_S)?;
+            within("pulse.duration_s", pulse.duration_s, 0.0, LONGEST_S)?;
+            axes("pulse.acceleration_mps2", pulse.acceleration_mps2, GREATEST_ACCELERATION_MPS2)
+        })
     }
 }
 
@@ -229,6 +274,12 @@ mod tests {
         assert!(text(Scenario { phones: Vec::new(), ..Scenario::default() }).contains("no phones"));
         let errors = ErrorModel { code_b_m2hz: -1.0, ..ErrorModel::default() };
         assert!(text(Scenario { errors, ..Scenario::default() }).contains("code_b_m2hz is -1"));
+        let shared = SharedErrors { time_constant_s: 10.0, ..SharedErrors::typical() };
+        let errors = ErrorModel { shared, ..ErrorModel::default() };
+        assert!(text(Scenario { errors, ..Scenario::default() }).contains("time_constant_s is 10"));
+        let motion = OwnMotion::with_velocity(Enu { east: 0.0, north: f64::NAN, up: 0.0 });
+        let phones = vec![PhoneOptions { motion, ..PhoneOptions::of_vehicle(0) }];
+        assert!(text(Scenario { phones, ..Scenario::default() }).contains("initial_velocity_mps is NaN"));
         let twice = vec![PhoneOptions::of_vehicle(1), PhoneOptions::of_vehicle(1)];
         assert!(text(Scenario { phones: twice, ..Scenario::default() }).contains("SIM2"));
     }
