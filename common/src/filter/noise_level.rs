@@ -37,15 +37,17 @@ impl NoiseLevel {
         prior: &Matrix3<f64>,
     ) {
         let total: f64 = rows.iter().map(|row| row.weight).sum();
-        if rows.len() < FEWEST || total <= 0.0 {
+        let clock = rows.iter().map(|row| row.weight * row.y).sum::<f64>() / total;
+        // An innovation that is mostly the prediction's error says nothing about the noise.
+        let square = |(row, observation): (&Measured, &&CorrectedObservation)| {
+            let (noise, predicted) = (observation.pseudorange_sigma_m.powi(2), row.h.dot(&(prior * row.h)));
+            (predicted < noise).then(|| ((row.y - clock).powi(2) / (noise + predicted)).min(LARGEST * LARGEST))
+        };
+        let squares: Vec<f64> = rows.iter().zip(observations).filter_map(square).collect();
+        if squares.len() < FEWEST || total <= 0.0 {
             return;
         }
-        let clock = rows.iter().map(|row| row.weight * row.y).sum::<f64>() / total;
-        let squares = rows.iter().zip(observations).map(|(row, observation)| {
-            let nominal = observation.pseudorange_sigma_m.powi(2) + row.h.dot(&(prior * row.h));
-            ((row.y - clock).powi(2) / nominal).min(LARGEST * LARGEST)
-        });
-        let mean = squares.sum::<f64>() / rows.len() as f64;
+        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
         let keep = (-interval_s.max(0.0) / AVERAGED_S).exp();
         self.sum = keep * self.sum + (1.0 - keep) * mean;
         self.weight = keep * self.weight + (1.0 - keep);

@@ -136,7 +136,7 @@ impl Default for FilterOptions {
             start_speed_mps: Motion::Road.speed_mps(),
             code_noise: CodeNoise { correlated_share: 0.077, correlation_time_s: 20.0 },
             bias_walk_m2ps: 0.003,
-            rate_sigma_scale: 1.0,
+            rate_sigma_scale: 1.3,
             robust: RobustWeights { keep: 1.0, reject: 5.0 },
             only_used: false,
             shared: SharedErrors {

@@ -23,6 +23,9 @@ const VELOCITY: usize = 3;
 const DOUBTED: f64 = 0.5;
 const MANOEUVRE_SHARE: usize = 3;
 
+/// Standard deviation of a predicted position (root of the sum of its variances) above which innovations do not show outliers, m.
+const VAGUE_M: f64 = 20.0;
+
 /// What an update made of its measurements.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct UpdateReport {
@@ -62,12 +65,16 @@ struct Innovation {
 impl JointFilter {
     /// Updates the phone in `slot` with its observations at the filter's present time. A slot that does not exist changes nothing.
     ///
-    /// By default the observations include those excluded by the phone's own RAIM: the filter judges them by their innovations.
+    /// By default the observations include those excluded by the phone's own RAIM: the filter judges them by their innovations. A vague
+    /// prediction, as after half a minute, judges nothing, and then RAIM's selection counts.
     pub fn update(&mut self, slot: usize, observations: &[CorrectedObservation]) -> UpdateReport {
         if slot >= self.len() {
             return UpdateReport::default();
         }
-        let is_offered = |o: &&CorrectedObservation| !self.options.only_used || o.usage == Usage::Used;
+        let at = self.slots[slot].at;
+        let is_vague = self.prior(at).trace() > VAGUE_M.powi(2);
+        let only_used = self.options.only_used || is_vague;
+        let is_offered = |o: &&CorrectedObservation| !only_used || o.usage == Usage::Used;
         let offered: Vec<&CorrectedObservation> = observations.iter().filter(is_offered).collect();
         let position = self.position(slot);
         let (codes, code) = self.update_codes(slot, position, &offered);
