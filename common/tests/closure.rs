@@ -328,6 +328,11 @@ enum Sky {
 }
 
 #[derive(Clone, Copy)]
+/// The default corrections for simulated satellites, whose code has no bias by elevation.
+fn unbiased() -> CorrectionOptions {
+    CorrectionOptions { beidou2_code_bias: false, ..CorrectionOptions::default() }
+}
+
 struct Receiver {
     position: Ecef,
     /// Ahead of GPS time, s.
@@ -422,7 +427,7 @@ impl Receiver {
     }
 
     fn corrected(&self, products: &Arc<Products>, ionosphere: Ionosphere) -> Vec<CorrectedObservation> {
-        let options = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
+        let options = CorrectionOptions { ionosphere, ..unbiased() };
         let mut corrector = Corrector::new(products.clone(), options);
         let prepared = corrector.prepare(&self.epoch());
         let (corrected, masked) = corrector.finish(&prepared, self.position, self.tag);
@@ -542,7 +547,7 @@ fn differential_corrections_close() {
         let groups = if ionosphere == Ionosphere::Model { 12 } else { 4 };
         for (name, products, _) in combinations() {
             let products = Arc::new(products);
-            let options = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
+            let options = CorrectionOptions { ionosphere, ..unbiased() };
             let mut differential =
                 Differential::new(products.clone(), options, DifferentialOptions::default());
             differential.add(0, base().epoch(), base().position);
@@ -560,7 +565,7 @@ fn differential_corrections_close() {
 fn differential_corrections_leave_the_receivers_own_variances() {
     let products = Arc::new(Products::new(Vec::new(), vec![navigation()]));
     let corrected = |ionosphere: Ionosphere| {
-        let options = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
+        let options = CorrectionOptions { ionosphere, ..unbiased() };
         let mut differential = Differential::new(products.clone(), options, DifferentialOptions::default());
         differential.add(0, base().epoch(), base().position);
         let mut observations = rover().corrected(&products, ionosphere);
@@ -618,7 +623,7 @@ fn differential_corrections_close_when_galileo_changes_to_another_message() {
     for (ionosphere, groups, unknown) in
         [(Ionosphere::Model, 12, &["G5", "C5", "C7"] as &[_]), (Ionosphere::PairOnly, 4, &["G1+5", "C2+5"])]
     {
-        let options = CorrectionOptions { ionosphere, ..CorrectionOptions::default() };
+        let options = CorrectionOptions { ionosphere, ..unbiased() };
         for receiver in [rover(), later] {
             let observations = receiver.corrected(&products, ionosphere);
             check("both messages", &receiver, &observations, unknown, groups);
@@ -690,7 +695,7 @@ fn differential_corrections_close_where_precise_orbits_end_and_begin() {
         let products = Arc::new(Products::new(vec![sp3], vec![file.clone()]));
         let before = Receiver { tag: week_start() - 5.0, ..base() };
         let after = Receiver { tag: week_start() + 1.0, ..rover() };
-        let (correction, options) = (CorrectionOptions::default(), DifferentialOptions::default());
+        let (correction, options) = (unbiased(), DifferentialOptions::default());
         let mut differential = Differential::new(products.clone(), correction, options);
         differential.add(0, before.epoch(), before.position);
         let mut observations = after.corrected(&products, Ionosphere::Model);

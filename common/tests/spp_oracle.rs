@@ -136,6 +136,7 @@ impl Solver {
             minimum_cn0_dbhz: 0.0,
             // The reference's, which knows no other.
             troposphere_mapping: TroposphereMapping::Cosecant,
+            beidou2_code_bias: false,
             ..CorrectionOptions::default()
         };
         let satellites = table(&oracle(&format!("spp/{}_sat.csv", case.reference)));

@@ -242,8 +242,8 @@ fn a_layout_is_in_the_file() {
     assert!(entities.contains(&"/viewport".to_owned()));
     let axes = entities.iter().filter(|e| e.ends_with("/TimeAxis")).count();
     assert_eq!(
-        axes, 13,
-        "2 × (horizontal, vertical, C/N0, residuals), all joint, 2 of constraints, 2 of quality"
+        axes, 15,
+        "2 × (horizontal, vertical, C/N0, residuals), all joint, 2 of constraints, 4 of quality"
     );
     let ids: Vec<_> = stores.iter().map(|(id, _)| id.recording_id().clone()).collect();
     let (_other_directory, other) = scratch();

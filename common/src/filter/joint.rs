@@ -375,14 +375,36 @@ impl JointFilter {
         *self = Self::new(self.options);
     }
 
-    /// Mean and covariance.
-    pub const fn distribution(&self) -> (&DVector<f64>, &DMatrix<f64>) {
-        (&self.mean, &self.covariance)
+    /// Mean and covariance of the kinematic states of all phones, nine each, by slot.
+    pub fn kinematic(&self) -> (DVector<f64>, DMatrix<f64>) {
+        let states = self.kinematic_states();
+        let covariance = self.covariance.select_rows(&states).select_columns(&states);
+        (self.mean.select_rows(&states), covariance)
     }
 
-    /// Mean and covariance, mutable for the constraints.
-    pub const fn distribution_mut(&mut self) -> (&mut DVector<f64>, &mut DMatrix<f64>) {
-        (&mut self.mean, &mut self.covariance)
+    /// Goes on with another distribution of the kinematic states; the other states follow by their covariance with them.
+    ///
+    /// With the regression A = P_xk P_kk⁻¹ of all states x on the kinematic ones k: x̂ ← x̂ + A(k̂' − k̂), P ← P + A(P'_kk − P_kk)Aᵀ. A
+    /// covariance that cannot be factorised leaves everything as it is.
+    pub fn go_on_with(&mut self, mean: &DVector<f64>, covariance: &DMatrix<f64>) {
+        let states = self.kinematic_states();
+        let (known_mean, known) = self.kinematic();
+        let Some(factor) = Cholesky::new(known.clone()) else { return };
+        let regression = factor.solve(&self.covariance.select_rows(&states)).transpose();
+        self.mean += &regression * (mean - known_mean);
+        self.covariance += &regression * (covariance - known) * regression.transpose();
+        // What was computed exactly stays exact, and the rest symmetric.
+        for (i, row) in states.iter().enumerate() {
+            self.mean[*row] = mean[i];
+            for (j, column) in states.iter().enumerate() {
+                self.covariance[(*row, *column)] = covariance[(i, j)];
+            }
+        }
+        self.covariance.fill_upper_triangle_with_lower_triangle();
+    }
+
+    fn kinematic_states(&self) -> Vec<usize> {
+        self.slots.iter().flat_map(|slot| slot.at..slot.at + STATES_PER_PHONE).collect()
     }
 
     /// Whether the mean is finite and every variance positive and finite.

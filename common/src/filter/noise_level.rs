@@ -41,7 +41,8 @@ impl NoiseLevel {
         // An innovation that is mostly the prediction's error says nothing about the noise.
         let square = |(row, observation): (&Measured, &&CorrectedObservation)| {
             let (noise, predicted) = (observation.pseudorange_sigma_m.powi(2), row.h.dot(&(prior * row.h)));
-            (predicted < noise).then(|| ((row.y - clock).powi(2) / (noise + predicted)).min(LARGEST * LARGEST))
+            (predicted < noise)
+                .then(|| ((row.y - clock).powi(2) / (noise + predicted)).min(LARGEST * LARGEST))
         };
         let squares: Vec<f64> = rows.iter().zip(observations).filter_map(square).collect();
         if squares.len() < FEWEST || total <= 0.0 {

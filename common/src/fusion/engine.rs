@@ -1,5 +1,6 @@
 //! Joint estimator of the hub: its input are aligned epochs, its output fused and constrained epochs. No I/O.
 
+use super::doubt::{Doubt, Excess};
 use super::group::{Filters, GroupState};
 use crate::constraint::second::carry;
 use crate::constraint::{
@@ -11,9 +12,6 @@ use crate::integrity::{Cause, Verdict};
 use crate::skips::Skips;
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
-
-/// Share of [`ConstraintOptions::contradiction_sigmas`] at which a constraint is doubted.
-const DOUBTED_SHARE: f64 = 0.5;
 
 /// A constraint and its period of validity.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,6 +94,8 @@ pub struct Engine {
     constraints: Vec<ScheduledConstraint>,
     options: EngineOptions,
     filters: Filters,
+    /// One per constraint.
+    excesses: Vec<Excess>,
     /// Time of the last fused epoch.
     time_gps: GpsTime,
     skips: Skips,
@@ -106,7 +106,8 @@ impl Engine {
     pub fn new(phones: &[String], constraints: Vec<ScheduledConstraint>, options: EngineOptions) -> Self {
         let filters = Filters::new(phones.len(), &options);
         let (phones, time_gps, skips) = (phones.to_vec(), GpsTime::default(), Skips::default());
-        Self { phones, constraints, options, filters, time_gps, skips }
+        let excesses = vec![Excess::default(); constraints.len()];
+        Self { phones, constraints, options, filters, excesses, time_gps, skips }
     }
 
     /// Fuses the messages of one aligned epoch, at most one per phone. Each message updates its phone's filter at its own receive time;
@@ -130,8 +131,9 @@ impl Engine {
         self.filters.predict(self.time_gps, &self.phones, &mut self.skips);
         let free = self.filters.free();
         let mut group = self.filters.prior().unwrap_or_else(|| free.clone());
-        let actions = self.constrain(&mut group, &free);
-        let doubted = self.doubted(&group, &free);
+        let doubts = self.doubts(&free);
+        let actions = self.constrain(&mut group, &doubts);
+        let doubted = self.doubted(&group, &doubts);
         self.filters.go_on_with(&group);
         let distances = self.distances(&group);
         let phones = messages
@@ -151,6 +153,7 @@ impl Engine {
     /// Discards all states, so that the next messages may be earlier than the last ones. Phones restart from their next solutions.
     pub fn restart(&mut self) {
         self.filters = Filters::new(self.phones.len(), &self.options);
+        self.excesses.fill(Excess::default());
     }
 
     /// All constraints, whether valid now or not.
@@ -163,28 +166,39 @@ impl Engine {
         &self.skips
     }
 
+    /// Whether a constraint is valid at the time of the last fused epoch.
+    fn is_valid(&self, scheduled: &ScheduledConstraint) -> bool {
+        scheduled.from_gps.is_none_or(|from| from <= self.time_gps)
+            && scheduled.to_gps.is_none_or(|to| self.time_gps <= to)
+    }
+
     /// The valid constraints whose phones are all present: index in [`Self::constraints`] and constraint with phones by slot.
     fn in_force<'a>(&'a self, group: &'a GroupState) -> impl Iterator<Item = (usize, Constraint)> + 'a {
-        let time_gps = self.time_gps;
         self.constraints
             .iter()
             .enumerate()
-            .filter(move |(_, c)| {
-                c.from_gps.is_none_or(|from| from <= time_gps) && c.to_gps.is_none_or(|to| time_gps <= to)
-            })
+            .filter(|(_, scheduled)| self.is_valid(scheduled))
             .filter_map(|(place, c)| Some((place, c.constraint.mapped(|phone| group.slot(phone))?)))
     }
 
-    /// Applies the constraints in force that the free distribution does not contradict.
-    fn constrain(&self, group: &mut GroupState, free: &GroupState) -> Vec<ConstraintAction> {
-        let options = &self.options.constraints;
+    /// What the free distribution says of each constraint, by its place.
+    fn doubts(&mut self, free: &GroupState) -> Vec<(f64, Doubt)> {
+        let limit = self.options.constraints.contradiction_sigmas;
+        let sigmas: Vec<f64> =
+            (0..self.constraints.len()).map(|place| self.free_sigmas(place, free)).collect();
+        let taken = self.excesses.iter_mut().zip(sigmas);
+        taken.map(|(excess, sigmas)| (sigmas, excess.take(sigmas, self.time_gps, limit))).collect()
+    }
+
+    /// Applies the constraints in force that are not contradicted.
+    fn constrain(&self, group: &mut GroupState, doubts: &[(f64, Doubt)]) -> Vec<ConstraintAction> {
         let (mut places, mut on_slots, mut contradicted) = (Vec::new(), Vec::new(), Vec::new());
         for (place, constraint) in self.in_force(group) {
-            let sigmas = self.free_sigmas(place, free);
-            if sigmas > options.contradiction_sigmas {
-                contradicted.extend(self.contradiction(place, constraint, sigmas, group));
+            let Some((sigmas, doubt)) = doubts.get(place) else { continue };
+            if *doubt == Doubt::Contradicted {
+                contradicted.extend(self.contradiction(place, constraint, *sigmas, group));
             } else {
-                places.push((place, sigmas));
+                places.push((place, *sigmas));
                 on_slots.push(constraint);
             }
         }
@@ -192,7 +206,7 @@ impl Engine {
             return contradicted;
         }
         let before = group.second.as_ref().map(|_| group.covariance.clone());
-        let obedient = ConstraintOptions { contradiction_sigmas: f64::INFINITY, ..*options };
+        let obedient = ConstraintOptions { contradiction_sigmas: f64::INFINITY, ..self.options.constraints };
         let Constrained { actions, applied } =
             apply(&mut group.mean, &mut group.covariance, &on_slots, &obedient);
         if let Some((second, before)) = group.second.as_mut().zip(before) {
@@ -210,9 +224,10 @@ impl Engine {
         all
     }
 
-    /// Excess of the free distribution over a constraint, in standard deviations of that distribution.
+    /// Excess of the free distribution over a valid constraint, in standard deviations of that distribution.
     fn free_sigmas(&self, place: usize, free: &GroupState) -> f64 {
-        let constraint = self.constraints.get(place).map(|scheduled| scheduled.constraint);
+        let scheduled = self.constraints.get(place).filter(|scheduled| self.is_valid(scheduled));
+        let constraint = scheduled.map(|scheduled| scheduled.constraint);
         let on_slots = constraint.and_then(|constraint| constraint.mapped(|phone| free.slot(phone)));
         let options = &self.options.constraints;
         on_slots.map_or(0.0, |on_slots| {
@@ -242,12 +257,13 @@ impl Engine {
         })
     }
 
-    /// The phones of constraints that the free distribution exceeds by more than half of what is a contradiction.
-    fn doubted(&self, group: &GroupState, free: &GroupState) -> Vec<usize> {
-        let limit = DOUBTED_SHARE * self.options.constraints.contradiction_sigmas;
-        let is_doubted = |(place, _): &(usize, Constraint)| self.free_sigmas(*place, free) > limit;
-        let doubted = self.in_force(group).filter(is_doubted);
-        doubted
+    /// The phones of constraints in force that are at least doubted.
+    fn doubted(&self, group: &GroupState, doubts: &[(f64, Doubt)]) -> Vec<usize> {
+        let is_doubted = |(place, _): &(usize, Constraint)| {
+            doubts.get(*place).is_some_and(|(_, doubt)| *doubt >= Doubt::Doubted)
+        };
+        self.in_force(group)
+            .filter(is_doubted)
             .filter_map(|(place, _)| self.constraints.get(place))
             .flat_map(|scheduled| scheduled.constraint.phones().to_vec())
             .collect()

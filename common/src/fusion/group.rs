@@ -79,17 +79,15 @@ impl Filters {
     pub fn prior(&self) -> Option<GroupState> {
         self.fed_back.as_ref().map(|joint| {
             let phones = joint.phones().collect();
-            let (mean, covariance) = joint.distribution();
-            GroupState { phones, mean: mean.clone(), covariance: covariance.clone(), second: None }
+            let (mean, covariance) = joint.kinematic();
+            GroupState { phones, mean, covariance, second: None }
         })
     }
 
     /// With feedback: the filter goes on with this distribution.
     pub fn go_on_with(&mut self, constrained: &GroupState) {
         if let Some(joint) = &mut self.fed_back {
-            let (mean, covariance) = joint.distribution_mut();
-            mean.copy_from(&constrained.mean);
-            covariance.copy_from(&constrained.covariance);
+            joint.go_on_with(&constrained.mean, &constrained.covariance);
         }
     }
 }
@@ -104,7 +102,7 @@ impl GroupState {
             let at = STATES_PER_PHONE * slot;
             let Some(state) = filter.state(0) else { continue };
             mean.fixed_rows_mut::<STATES_PER_PHONE>(at).copy_from(&state.mean);
-            let block = filter.distribution().1.fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(0, 0);
+            let block = filter.kinematic().1;
             covariance.fixed_view_mut::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at).copy_from(&block);
             second.fixed_view_mut::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at).copy_from(&state.covariance);
             for (earlier, other) in present.iter().enumerate().take(slot) {

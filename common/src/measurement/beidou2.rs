@@ -6,7 +6,7 @@
 //! to the measured pseudorange. Geostationary satellites always stand at one elevation, where nothing is known, and BeiDou-3 has no
 //! such variation. Only B1I is corrected here: B2I and B3I have tables of their own, so a pair of bands is left as it is.
 
-use crate::gnss::{Constellation, Observation, SatelliteId};
+use crate::gnss::{Constellation, SatelliteId, SignalCode};
 
 /// Steps of the tables, °.
 const STEP_DEG: f64 = 10.0;
@@ -18,8 +18,8 @@ const MEDIUM_M: [f64; 10] = [-0.47, -0.38, -0.32, -0.23, -0.11, 0.06, 0.34, 0.69
 const B1I_BAND: u8 = b'2';
 
 /// What is to be added to a pseudorange at an elevation, m; 0 for signals without such a bias.
-pub(super) fn code_correction_m(observation: &Observation, elevation_rad: f64) -> f64 {
-    let table = table(observation.satellite).filter(|_| observation.signal.band == B1I_BAND);
+pub(crate) fn code_correction_m(satellite: SatelliteId, signal: SignalCode, elevation_rad: f64) -> f64 {
+    let table = table(satellite).filter(|_| signal.band == B1I_BAND);
     table.map_or(0.0, |table| interpolated(table, elevation_rad.to_degrees()))
 }
 
@@ -47,7 +47,7 @@ mod tests {
 
     use super::*;
     use crate::frames::{EcefVector, Enu, Geodetic, LocalFrame};
-    use crate::gnss::{LossOfLock, SignalCode};
+    use crate::gnss::{LossOfLock, Observation};
     use crate::measurement::prepared::{PreparedObservation, SecondSignal};
     use crate::measurement::{CorrectionOptions, Corrector};
     use crate::orbit::Products;
@@ -66,7 +66,8 @@ mod tests {
     }
 
     fn correction_m(constellation: Constellation, number: u8, signal: [u8; 2], elevation_deg: f64) -> f64 {
-        code_correction_m(&observation(constellation, number, signal), elevation_deg.to_radians())
+        let Observation { satellite, signal, .. } = observation(constellation, number, signal);
+        code_correction_m(satellite, signal, elevation_deg.to_radians())
     }
 
     /// C11 about 62° above the horizon in the north, as a single signal or as a pair.

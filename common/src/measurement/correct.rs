@@ -446,7 +446,11 @@ impl<'a> View<'a> {
     /// Correction of code biases by elevation, m, if the options say so; 0 for a pair.
     fn code_correction_m(&self, prepared: &PreparedObservation, elevation_rad: f64) -> f64 {
         if self.options.beidou2_code_bias && prepared.second.is_none() {
-            beidou2::code_correction_m(&prepared.observation, elevation_rad)
+            beidou2::code_correction_m(
+                prepared.observation.satellite,
+                prepared.observation.signal,
+                elevation_rad,
+            )
         } else {
             0.0
         }

@@ -19,7 +19,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod beidou2;
+pub(crate) mod beidou2;
 mod channel;
 mod correct;
 mod differential;
