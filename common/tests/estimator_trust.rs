@@ -159,7 +159,7 @@ fn consistency(interval_s: f64, duration_s: f64) -> (f64, f64) {
         scenario.errors.shared = SharedErrors {
             gps_galileo_bias_sigma_m: 1.0,
             beidou_bias_sigma_m: 1.8,
-            ionosphere_sigma: sigma(0.5, 1.0),
+            ionosphere_sigma: sigma(0.6, 5.0),
             ..SharedErrors::default()
         };
         let group = Group::simulated(scenario);

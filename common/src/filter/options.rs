@@ -13,6 +13,9 @@ pub struct FilterOptions {
     pub start_speed_mps: f64,
     /// How much of a pseudorange's noise is correlated in time.
     pub code_noise: CodeNoise,
+    /// Factor on the variance of a satellite's orbit, clock and group delay in the weights. They last, and no mean over epochs removes them,
+    /// so they count more here than in the solution of one epoch.
+    pub lasting_weight: f64,
     /// Factor on the standard deviation of a range rate.
     pub rate_sigma_scale: f64,
     /// Down-weighting of large innovations.
@@ -119,6 +122,7 @@ impl FilterOptions {
             start_speed_mps: 15.0,
             code_noise: CodeNoise { correlated_share: 0.0, correlation_time_s: 20.0 },
             bias_walk_m2ps: f64::INFINITY,
+            lasting_weight: 1.0,
             rate_sigma_scale: 1.0,
             robust: RobustWeights { keep: f64::INFINITY, reject: f64::INFINITY },
             only_used: true,
@@ -136,6 +140,7 @@ impl Default for FilterOptions {
             start_speed_mps: Motion::Road.speed_mps(),
             code_noise: CodeNoise { correlated_share: 0.077, correlation_time_s: 20.0 },
             bias_walk_m2ps: 0.003,
+            lasting_weight: 1.8,
             rate_sigma_scale: 1.3,
             robust: RobustWeights { keep: 1.0, reject: 5.0 },
             only_used: false,

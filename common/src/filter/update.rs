@@ -95,12 +95,14 @@ impl JointFilter {
         self.prepare_biases(slot, observations);
         let inflation = self.options.code_noise.inflation(self.silence_s(slot));
         let known = &self.slots[slot];
+        let lasting_weight = self.options.lasting_weight;
         let groups = ClockGroups::of(observations.iter().copied());
         let row = |o: &&CorrectedObservation| {
             let row = code_row(o, position, &groups);
             let bias = known.bias(o.clock_group());
             let bias_m = bias.map_or(0.0, |place| self.mean[known.at + STATES_PER_PHONE + place]);
-            Measured { h: row.h, bias, y: row.y - bias_m, weight: row.weight / inflation }
+            let variance_m2 = o.noise_variance_m2() + lasting_weight * o.shared.satellite_sigma_m.powi(2);
+            Measured { h: row.h, bias, y: row.y - bias_m, weight: 1.0 / (inflation * variance_m2) }
         };
         let mut rows: Vec<Measured> = observations.iter().map(row).collect();
         let states: Vec<usize> =
@@ -117,7 +119,8 @@ impl JointFilter {
             let mut noise = DMatrix::zeros(states.len(), states.len());
             for ((row, observation), sensitivity) in rows.iter().zip(observations).zip(sensitive) {
                 let h = information.compressed(row);
-                let own = observation.noise_variance_m2() / observation.pseudorange_sigma_m.powi(2);
+                // w²σ², with w the weight of the row and σ² of its noise alone.
+                let own = row.weight * inflation * observation.noise_variance_m2();
                 noise.ger(row.weight * own * level, &h, &h, 1.0);
                 Consider::add_sensitivity(&mut shared, &(h * row.weight), sensitivity);
             }

@@ -60,7 +60,7 @@ impl Default for CorrectionOptions {
             exclude: Vec::new(),
             stochastic: StochasticModel::default(),
             unknown_group_delay_sigma_m: 2.0,
-            beidou_bias_sigma_m: 3.25,
+            beidou_bias_sigma_m: 2.0,
             beidou2_code_bias: true,
             glonass_bias_sigma_m: 3.0,
             troposphere_mapping: TroposphereMapping::default(),

@@ -79,7 +79,7 @@ impl Default for StochasticModel {
     /// Values rounded from searches on two recorded sessions and checked on a third; see docs/results.md.
     fn default() -> Self {
         Self {
-            code: VarianceModel::Sum { a: 1.0, b: 20_000.0, zenith: 0.2 },
+            code: VarianceModel::Sum { a: 1.0, b: 20_000.0, zenith: 0.5 },
             rate: VarianceModel::Cn0 { a: 0.08, b: 400.0 },
         }
     }

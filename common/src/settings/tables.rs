@@ -239,6 +239,9 @@ tables! {
         code_correlated_share: f64 = ["no unit", 0.0..=1.0];
         /// Time constant of that correlation.
         code_correlation_time_s: f64 = ["s", 0.1..=3600.0];
+        /// Factor on the variance of a satellite's orbit, clock and group delay in the weights: they last, and no mean over epochs removes
+        /// them.
+        lasting_weight: f64 = ["no unit", 0.0..=100.0];
         /// Factor on the standard deviation of range rates.
         rate_sigma_scale: f64 = ["no unit", 0.01..=100.0];
         /// Innovation up to which a measurement has its full weight; inf never weighs one down.

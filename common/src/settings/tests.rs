@@ -242,7 +242,7 @@ fn choices_take_and_refuse_their_keys() {
     let cn0 = code("model = 'cn0'").unwrap().pipeline().correction.stochastic.code;
     assert_eq!(cn0, VarianceModel::Cn0 { a: 1.0, b: 20_000.0 });
     let elevation = code("model = 'elevation'\nura_m = 2").unwrap().pipeline().correction.stochastic.code;
-    assert_eq!(elevation, VarianceModel::Elevation { ura: 2.0, zenith: 0.2 });
+    assert_eq!(elevation, VarianceModel::Elevation { ura: 2.0, zenith: 0.5 });
     let dropped = read("[correction.base]\nkeep_uncorrected = false").unwrap();
     assert_eq!(dropped.differential().uncorrected, Uncorrected::Dropped);
     let sequential = read("[constraints]\nmethod = 'sequential'\nenlargement = 'peng'").unwrap();
