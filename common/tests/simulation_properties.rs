@@ -540,6 +540,88 @@ fn without_slow_errors_there_are_none_and_with_them_all_others_are_the_same() {
     }
 }
 
+/// Range errors of the first phone of a car in the open with an interval and no other errors than multipath, by epoch and satellite, in standard
+/// deviations of the multipath. The phone starts with the scenario and its epochs lie `epoch_offset_s` after the full interval.
+fn multipath(
+    interval_s: f64,
+    duration_s: f64,
+    epoch_offset_s: f64,
+    multipath_shared: f64,
+) -> Vec<BTreeMap<SatelliteId, f64>> {
+    let errors = ErrorModel { multipath_open_m: 5.0, multipath_shared, ..ErrorModel::none() };
+    let phone = PhoneOptions { epoch_offset_s, dual_frequency: false, ..PhoneOptions::of_vehicle(0) };
+    let simulation = simulation(Scenario {
+        errors,
+        interval_s,
+        duration_s,
+        phones: vec![phone],
+        canyons: Vec::new(),
+        ..Scenario::default()
+    });
+    let products = simulation.products();
+    let epochs = simulation.phone(0).unwrap();
+    let biases = *epochs.inter_system_biases();
+    let normalised = |simulated: SimulatedEpoch| {
+        let frame = LocalFrame::at(simulated.truth.position);
+        let of_satellite = |corrected: Corrected| {
+            let state = simulation.satellite_state(corrected.satellite, simulated.truth.time_gps).unwrap();
+            let unit = (state.position - simulated.truth.position).0.normalize();
+            let sigma_m = errors.multipath_sigma_m(frame.direction(&unit).elevation_rad, false);
+            (corrected.satellite, corrected.residual_m / sigma_m)
+        };
+        correct(&simulation, &products, &biases, &simulated).into_iter().map(of_satellite).collect()
+    };
+    epochs.map(normalised).collect()
+}
+
+/// Mean product of the values of the same satellites in pairs of epochs.
+fn correlation<'a>(
+    pairs: impl Iterator<Item = (&'a BTreeMap<SatelliteId, f64>, &'a BTreeMap<SatelliteId, f64>)>,
+) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for (first, second) in pairs {
+        for (satellite, value) in first {
+            if let Some(other) = second.get(satellite) {
+                sum += value * other;
+                count += 1;
+            }
+        }
+    }
+    sum / f64::from(count)
+}
+
+/// The multipath is one process in time: its variance is 1, and its correlation falls to 1/e in 20 s, at any interval.
+#[test]
+fn multipath_is_the_same_process_at_any_interval() {
+    for (interval_s, duration_s) in [(0.1, 900.0), (1.0, 3_000.0), (5.0, 6_000.0), (30.0, 20_000.0)] {
+        let epochs = multipath(interval_s, duration_s, 0.0, 0.3);
+        for lag_s in [0.0, 10.0, 20.0, 30.0, 60.0] {
+            let lag = (lag_s / interval_s).round();
+            if (lag * interval_s - lag_s).abs() > 1e-9 {
+                continue;
+            }
+            let lagged =
+                (0..).zip(&epochs).skip_while(|(index, _)| f64::from(*index) < lag).map(|(_, epoch)| epoch);
+            let found = correlation(epochs.iter().zip(lagged));
+            let expected = (-lag_s / 20.0_f64).exp();
+            assert!((found - expected).abs() < 0.15, "{interval_s} s, lag {lag_s} s: {found} {expected}");
+        }
+    }
+}
+
+/// What the phones of a vehicle share is one process in time too: the same values at 1 s and at 30 s, and different ones 15 s later.
+#[test]
+fn shared_multipath_does_not_depend_on_the_interval() {
+    let (dense, sparse) = (multipath(1.0, 9_000.0, 0.0, 1.0), multipath(30.0, 9_000.0, 0.0, 1.0));
+    for (one, other) in dense.iter().step_by(30).zip(&sparse) {
+        let differences = one.iter().filter_map(|(satellite, value)| Some(value - other.get(satellite)?));
+        assert!(differences.map(f64::abs).fold(0.0, f64::max) < 0.05);
+    }
+    let later = multipath(30.0, 9_000.0, 15.0, 1.0);
+    let found = correlation(sparse.iter().zip(&later));
+    assert!((found - (-15.0_f64 / 20.0).exp()).abs() < 0.1, "{found}");
+}
+
 #[test]
 fn a_long_drive_over_the_end_of_a_week_fits_too() {
     let simulation = simulation(Scenario {

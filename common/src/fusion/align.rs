@@ -1,16 +1,22 @@
 //! Alignment of the epochs of several phones by GPS time. No I/O, no clock of its own.
 //!
-//! Receive times of different phones differ by less than a millisecond to half a second. Phones start and stop at different seconds and may
+//! Receive times of different phones differ by less than a millisecond to half an interval. Phones start and stop at different seconds and may
 //! have different rates. Messages of one phone are in order; messages of different phones arrive in any order.
 //!
 //! **Rule.** The earliest waiting message is the anchor of a bucket. The earliest messages of the other phones join it in order of time
-//! while each
-//! - lies within the tolerance (half an epoch interval) of the anchor, and
-//! - for every earlier member, is simultaneous with it (20 ms) or not nearer to the next message of that member's phone.
+//! while each, for every earlier member,
+//! - lies within the tolerance of it (half of the longer interval of the two phones), and
+//! - is simultaneous with it (20 ms, or a quarter of the shorter interval if that is less) or not nearer to the next message of that
+//!   member's phone.
 //!
 //! The first message that does not join ends the bucket. Remaining messages are therefore never earlier than a member, and the latest times
 //! of successive buckets never decrease. A bucket is complete when the rule can be decided: every running phone has a message waiting, and
 //! a second one where the rule needs it. The decision depends on the messages alone, not on their arrival times.
+//!
+//! **Intervals.** The interval of a phone at one of its messages is the lower quartile of its last eight steps up to that message, rounded
+//! to two significant digits: a quarter of the steps may be too short and more than half may be gaps, and the jitter of time tags does not
+//! change it. A phone with less than two steps counts as one of 1 Hz. The interval follows from the messages of the phone alone, so that
+//! the decision does too. A fixed tolerance ([`AlignOptions::tolerance_s`]) replaces that by intervals.
 //!
 //! Three or more phones with epochs spread over more than the tolerance fall into alternating buckets; all messages are used nevertheless.
 //!
@@ -52,6 +58,10 @@ use live::{Clock, FusedBucket};
 pub use live::{Notice, NoticeKind};
 use track::{Accepted, DateCheck, Presence, ReceivedEpoch, Track};
 
+/// Interval of a phone whose interval is not known yet, s.
+const UNKNOWN_INTERVAL_S: f64 = 1.0;
+/// Maximum difference of simultaneous messages as a part of the interval.
+const SIMULTANEOUS_SHARE: f64 = 0.25;
 /// Live: maximum number of waiting messages per phone; some hours at 1 Hz, some hundred megabytes.
 const MAXIMUM_WAITING: usize = 20_000;
 /// Live: speed (epoch time per wall time) above which a phone counts as unpaced, i.e. as sending faster than it measures.
@@ -65,9 +75,10 @@ pub type Bucket = Vec<Option<EpochMessage>>;
 /// Options of the alignment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AlignOptions {
-    /// Maximum distance from the anchor of a bucket, s: half the epoch interval of the slowest phone.
-    pub tolerance_s: f64,
-    /// Maximum difference of simultaneous messages, s. Two messages of one phone must be further apart.
+    /// Maximum difference of the messages of one bucket, s; `None`: half of the longer interval of each two phones.
+    pub tolerance_s: Option<f64>,
+    /// Maximum difference of simultaneous messages, s, and never more than a quarter of the shorter interval of the two phones. Two
+    /// messages of one phone must be further apart than this and than a quarter of its interval, whichever is less.
     pub simultaneous_s: f64,
     /// Maximum step between messages of one phone, s; a message after a longer step needs confirmation by the next one, unless the steps
     /// are regular.
@@ -79,11 +90,18 @@ pub struct AlignOptions {
 impl Default for AlignOptions {
     fn default() -> Self {
         Self {
-            tolerance_s: 0.5,
+            tolerance_s: None,
             simultaneous_s: 0.02,
             maximum_step_s: 300.0,
             maximum_wait: Duration::from_secs(5),
         }
+    }
+}
+
+impl AlignOptions {
+    /// Maximum difference of simultaneous messages at an interval, s.
+    fn simultaneous_within_s(&self, interval_s: f64) -> f64 {
+        self.simultaneous_s.min(SIMULTANEOUS_SHARE * interval_s)
     }
 }
 
@@ -156,7 +174,7 @@ impl Aligner {
             });
             return;
         }
-        let waiting = ReceivedEpoch { message, arrived: now };
+        let waiting = ReceivedEpoch { message, arrived: now, interval_s: None };
         match track.check_date(&waiting, &options, live) {
             DateCheck::Follows => self.accept(phone, waiting),
             DateCheck::Unconfirmed if confirmed_by_others => self.accept_first(phone, waiting),
@@ -273,13 +291,10 @@ impl Aligner {
     /// The phones of the next bucket, if the rule can be decided.
     fn members(&self) -> Next {
         let heads = self.heads();
-        let Some((&(anchor, first), others)) = heads.split_first() else { return Next::Nothing };
-        let mut members = vec![(anchor, first)];
+        let Some((&anchor, others)) = heads.split_first() else { return Next::Nothing };
+        let mut members = vec![anchor];
         for &(time, phone) in others {
-            if time - anchor > self.options.tolerance_s {
-                break;
-            }
-            match self.joins(time, &members) {
+            match self.joins((time, phone), &members) {
                 Decision::Join => members.push((time, phone)),
                 Decision::End => break,
                 Decision::Wait(phone) => return Next::Blocked(vec![phone]),
@@ -288,10 +303,14 @@ impl Aligner {
         Next::Bucket(members.into_iter().map(|(_, phone)| phone).collect())
     }
 
-    fn joins(&self, time: GpsTime, members: &[(GpsTime, usize)]) -> Decision {
+    fn joins(&self, (time, candidate): (GpsTime, usize), members: &[(GpsTime, usize)]) -> Decision {
+        let is_far = |&(member, phone): &(GpsTime, usize)| time - member > self.tolerance_s(phone, candidate);
+        if members.iter().any(is_far) {
+            return Decision::End;
+        }
         for &(member, phone) in members {
             let after_s = time - member;
-            if after_s <= self.options.simultaneous_s {
+            if after_s <= self.simultaneous_s(phone, candidate) {
                 continue;
             }
             let Some(track) = self.tracks.get(phone) else { continue };
@@ -302,6 +321,23 @@ impl Aligner {
             }
         }
         Decision::Join
+    }
+
+    /// Maximum difference of the first waiting messages of two phones in one bucket, s.
+    fn tolerance_s(&self, one: usize, other: usize) -> f64 {
+        let longer_s = || self.interval_s(one).max(self.interval_s(other));
+        self.options.tolerance_s.unwrap_or_else(|| 0.5 * longer_s())
+    }
+
+    /// Maximum difference of the first waiting messages of two phones that are simultaneous, s.
+    fn simultaneous_s(&self, one: usize, other: usize) -> f64 {
+        self.options.simultaneous_within_s(self.interval_s(one).min(self.interval_s(other)))
+    }
+
+    /// Interval of a phone at its first waiting message, s.
+    fn interval_s(&self, phone: usize) -> f64 {
+        let first = self.tracks.get(phone).and_then(|track| track.queue.front());
+        first.and_then(|first| first.interval_s).unwrap_or(UNKNOWN_INTERVAL_S)
     }
 
     fn take(&mut self, members: &[usize]) -> Bucket {

@@ -143,7 +143,8 @@ impl Rules for ConstraintSettings {
 
 impl Rules for AlignmentSettings {
     fn contradiction(&self) -> Option<(&'static str, String)> {
-        let Self { simultaneous_s, tolerance_s, .. } = self;
+        let Self { simultaneous_s, tolerance_s, .. } = *self;
+        let tolerance_s = tolerance_s?;
         (simultaneous_s > tolerance_s).then(|| {
             (
                 "simultaneous_s",

@@ -306,9 +306,11 @@ tables! {
 
     /// How epochs of different phones are brought together.
     AlignmentSettings by AlignmentKeys {
-        /// Largest distance in time from the first epoch of a common epoch: half of the slowest phone's interval.
-        tolerance_s: f64 = ["s", 0.001..=60.0];
-        /// Epochs of two phones this close are simultaneous, and two epochs of one phone must be further apart; not above tolerance_s.
+        /// Largest difference in time of the phones' epochs in a common epoch; without this key half of the longer interval of each two phones, as
+        /// measured from their epochs.
+        tolerance_s: Option<f64> = ["s", 0.001..=60.0];
+        /// Epochs of two phones this close are simultaneous, and two epochs of one phone must be further apart; not above tolerance_s. At
+        /// intervals shorter than four times this it is a quarter of the interval.
         simultaneous_s: f64 = ["s", 0.0..=1.0];
         /// An epoch further ahead of the phone's previous one must be confirmed by the next one, unless the steps are regular.
         maximum_step_s: f64 = ["s", 1.0..=86400.0];

@@ -267,7 +267,10 @@ fn choices_take_and_refuse_their_keys() {
             "[filter]\n\nrobust_reject_sigmas = 0.5",
             "line 3: [filter] robust_reject_sigmas is 0.5; it must not be below robust_keep_sigmas, 1",
         ),
-        ("[alignment]\nsimultaneous_s = 0.6", "line 2: [alignment] simultaneous_s is 0.6"),
+        (
+            "[alignment]\ntolerance_s = 0.5\nsimultaneous_s = 0.6",
+            "line 3: [alignment] simultaneous_s is 0.6; it must not be above tolerance_s, 0.5",
+        ),
     ] {
         let refused = read(text).unwrap_err();
         assert!(refused.contains(said), "expected '{said}' in: {refused}");

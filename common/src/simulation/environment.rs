@@ -167,7 +167,17 @@ impl GaussMarkov {
         self.value = keep * self.value + (1.0 - keep * keep).max(0.0).sqrt() * noise;
         self.value
     }
+
+    /// The present value.
+    pub(super) const fn value(self) -> f64 {
+        self.value
+    }
 }
+
+/// Minimum duration of a passing reflection, s.
+const SHORTEST_OUTLIER_S: f64 = 3.0;
+/// Range of the durations above the minimum, s.
+const OUTLIER_RANGE_S: f64 = 9.0;
 
 /// Reflected-only reception of one satellite.
 #[derive(Clone, Copy, Debug, Default)]
@@ -179,6 +189,9 @@ pub(super) struct Outlier {
 impl Outlier {
     /// Advances by `step_s` with `rate_hz` onsets per second; returns the error, m, 0 without an outlier.
     ///
+    /// A passing reflection lasts 3 to 12 s from the first epoch that sees it. After steps longer than 3 s, between which one may pass
+    /// unseen, it lasts that long from its onset, so that the fraction of epochs with an outlier does not depend on the interval.
+    ///
     /// The number of draws does not depend on the outcome, so that an option changes only its own effects.
     pub(super) fn advance(&mut self, step_s: f64, rate_hz: f64, random: &mut impl Rng) -> f64 {
         let (chance, duration, size) =
@@ -187,7 +200,12 @@ impl Outlier {
         if self.left_s <= 0.0 {
             *self = Self::default();
             if chance < 1.0 - (-rate_hz * step_s).exp() {
-                *self = Self { left_s: 3.0 + 9.0 * duration, error_m: 15.0 + 45.0 * size };
+                let onset_s = -(-chance).ln_1p() / rate_hz;
+                let passed_s = if step_s > SHORTEST_OUTLIER_S { step_s - onset_s } else { 0.0 };
+                let left_s = SHORTEST_OUTLIER_S + OUTLIER_RANGE_S * duration - passed_s;
+                if left_s > 0.0 {
+                    *self = Self { left_s, error_m: 15.0 + 45.0 * size };
+                }
             }
         }
         self.error_m
@@ -226,6 +244,18 @@ mod tests {
         }
         let rate = f64::from(beginnings) / f64::from(free_s);
         assert!((rate * 150.0 - 1.0).abs() < 0.1, "{rate}");
+    }
+
+    /// At one onset in 300 s and a mean duration of 7.5 s, a satellite is received by reflection only for 2.4 % of the time.
+    #[test]
+    fn the_share_of_outliers_does_not_depend_on_the_interval() {
+        for (step_s, epochs) in [(0.1, 4_000_000_u32), (1.0, 400_000), (5.0, 400_000), (30.0, 400_000)] {
+            let mut random = ChaCha8Rng::seed_from_u64(5);
+            let mut outlier = Outlier::default();
+            let present = (0..epochs).filter(|_| outlier.advance(step_s, 1.0 / 300.0, &mut random) != 0.0);
+            let share = present.count() as f64 / f64::from(epochs);
+            assert!((share / 0.0244 - 1.0).abs() < 0.12, "{step_s} s: {share}");
+        }
     }
 
     #[test]

@@ -124,7 +124,7 @@ impl<'a> PhoneEpochs<'a> {
         let shared =
             satellites.map(|satellite| SharedTrack::start(streams.vehicle(phone.vehicle, satellite)));
         let tag_index = (phone.starts_after_s / scenario.interval_s).ceil();
-        let mut epochs = Self {
+        Self {
             simulation,
             phone,
             errors,
@@ -136,35 +136,23 @@ impl<'a> PhoneEpochs<'a> {
             next_tag_s: tag_index * scenario.interval_s + phone.epoch_offset_s,
             last_tag_s: scenario.duration_s - phone.stops_before_s,
             tag_index,
-        };
-        // Phones of one vehicle start at different times, and share the vehicle's multipath.
-        let mut before = 0.0;
-        while before < tag_index {
-            epochs.advance_shared();
-            before += 1.0;
         }
-        epochs
-    }
-
-    fn advance_shared(&mut self) -> Vec<[f64; 2]> {
-        let step_s = self.simulation.scenario().interval_s;
-        self.shared.iter_mut().map(|track| track.advance(step_s, &self.errors)).collect()
     }
 
     /// Random draws of all satellites, with the vehicle's part of the multipath.
     fn draw(&mut self) -> Vec<Draws> {
-        let step_s = self.simulation.scenario().interval_s;
-        let shared = self.advance_shared();
+        let (step_s, time_s) = (self.simulation.scenario().interval_s, self.next_tag_s);
         let (own, common) =
             ((1.0 - self.errors.multipath_shared).sqrt(), self.errors.multipath_shared.sqrt());
-        let with_shared = |(track, shared): (&mut Track, [f64; 2])| {
+        let with_shared = |(track, shared): (&mut Track, &mut SharedTrack)| {
+            let shared = shared.advance_to(time_s, step_s, &self.errors);
             let mut draws = track.advance(step_s, &self.errors);
             for (multipath, of_vehicle) in draws.multipath.iter_mut().zip(shared) {
                 *multipath = own * *multipath + common * of_vehicle;
             }
             draws
         };
-        self.tracks.iter_mut().zip(shared).map(with_shared).collect()
+        self.tracks.iter_mut().zip(&mut self.shared).map(with_shared).collect()
     }
 
     /// Biases of the phone's constellations and bands.

@@ -56,20 +56,35 @@ impl Track {
     }
 }
 
-/// Multipath of one satellite that the phones of a vehicle share, on the scenario's time grid.
+/// Maximum time between values of the shared multipath, s.
+const SHARED_STEP_S: f64 = 1.0;
+/// Tolerance of the epochs' times against the shared grid, in steps of it.
+const GRID_TOLERANCE: f64 = 1e-6;
+
+/// Multipath of one satellite that the phones of a vehicle share: on a grid of time that begins with the scenario, with the interval of
+/// the epochs or one second, whichever is shorter.
 pub(super) struct SharedTrack {
     random: ChaCha8Rng,
     multipath: [GaussMarkov; 2],
+    /// Number of values computed so far.
+    computed: f64,
 }
 
 impl SharedTrack {
     pub(super) fn start(mut random: ChaCha8Rng) -> Self {
         let multipath = [GaussMarkov::start(&mut random), GaussMarkov::start(&mut random)];
-        Self { random, multipath }
+        Self { random, multipath, computed: 0.0 }
     }
 
-    pub(super) fn advance(&mut self, step_s: f64, errors: &ErrorModel) -> [f64; 2] {
-        advance(&mut self.multipath, step_s, errors.multipath_correlation_s, &mut self.random)
+    /// The values at `time_s` since the scenario's start, which must not decrease from call to call.
+    pub(super) fn advance_to(&mut self, time_s: f64, interval_s: f64, errors: &ErrorModel) -> [f64; 2] {
+        let step_s = interval_s.min(SHARED_STEP_S);
+        let node = (time_s / step_s + GRID_TOLERANCE).floor();
+        while self.computed <= node {
+            advance(&mut self.multipath, step_s, errors.multipath_correlation_s, &mut self.random);
+            self.computed += 1.0;
+        }
+        self.multipath.map(GaussMarkov::value)
     }
 }
 

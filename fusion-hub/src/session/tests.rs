@@ -156,7 +156,7 @@ fn settings_override_their_preset_wherever_they_act() {
     };
     assert_eq!(engine.constraints.distance_model, DistanceModel::Box);
     assert_eq!(engine.constraints.method, peng_engine.constraints.method);
-    assert_eq!(session.settings.estimator.align().tolerance_s, 0.1);
+    assert_eq!(session.settings.estimator.align().tolerance_s, Some(0.1));
     assert_eq!(session.settings.corrections.options.other_code_sigma_m, 3.0);
     let outside = refusal("group = 'g'\n[[phone]]\nname = 'a'\n[filter]\nmaximum_gap_s = 1e9");
     let said =

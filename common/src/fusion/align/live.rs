@@ -7,7 +7,7 @@ use crate::skips::Reason;
 use crate::time::GpsTime;
 
 use super::track::{Presence, Track};
-use super::{Aligner, Next, UNPACED_SPEED};
+use super::{Aligner, Next, UNKNOWN_INTERVAL_S, UNPACED_SPEED};
 
 /// Speed (epoch time per wall time) below which a phone counts as falling behind.
 const SLOW_SPEED: f64 = 0.9;
@@ -141,7 +141,13 @@ impl Aligner {
         let any_ahead = self.tracks.iter().any(|track| track.ahead);
         let others = self.tracks.iter().filter(|track| !track.ahead && track.presence != Presence::Finished);
         let newest = others.filter_map(Track::newest).max()?;
-        any_ahead.then(|| newest + self.options.tolerance_s)
+        any_ahead.then(|| newest + self.longest_tolerance_s())
+    }
+
+    /// Maximum difference of messages of one bucket by the phones' present intervals, s.
+    fn longest_tolerance_s(&self) -> f64 {
+        let intervals = self.tracks.iter().map(|track| track.interval_s().unwrap_or(UNKNOWN_INTERVAL_S));
+        self.options.tolerance_s.unwrap_or_else(|| 0.5 * intervals.fold(0.0, f64::max))
     }
 
     /// Leaves one phone behind, or declares one ahead, when a message has waited for too long.

@@ -16,6 +16,13 @@ const MAXIMUM_HELD: usize = 4;
 const REGULAR_STEP_RATIO: f64 = 1.5;
 /// Number of marks kept per [`AlignOptions::maximum_wait`].
 const MARKS_PER_WAIT: u32 = 16;
+/// Number of last steps by which the interval of a phone is measured.
+const MAXIMUM_STEPS: usize = 8;
+/// Minimum number of steps by which the interval of a phone is measured.
+const FEWEST_STEPS: usize = 2;
+/// Interval that is assumed of a phone without any step, for the minimum step to its second message, s.
+const SHORTEST_INTERVAL_S: f64 = 0.01;
+
 /// Whether buckets wait for a phone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Presence {
@@ -40,6 +47,8 @@ pub(super) struct Mark {
 pub(super) struct ReceivedEpoch {
     pub(super) message: EpochMessage,
     pub(super) arrived: Duration,
+    /// Interval of the phone at this message, s; `None` before it is queued, or while it is not known.
+    pub(super) interval_s: Option<f64>,
 }
 
 /// Relation of a message's date to the earlier messages of its phone.
@@ -69,8 +78,8 @@ pub(super) struct Track {
     pub(super) presence: Presence,
     /// Time of the last message with a confirmed date.
     pub(super) latest: Option<GpsTime>,
-    /// Step from the message before to `latest`, s.
-    step_s: Option<f64>,
+    /// Last steps between messages with a confirmed date up to `latest`, s, at most [`MAXIMUM_STEPS`].
+    steps_s: VecDeque<f64>,
     /// Arrival of the last queued message.
     pub(super) last_queued: Option<Duration>,
     /// Last message with a confirmed date, even if it was too late; `None` after the agent left.
@@ -112,7 +121,7 @@ impl Track {
         self.last_arrival = Some(now);
         let wait_s = options.maximum_wait.as_secs_f64();
         let most_s =
-            self.step_s.map_or(0.0, |step_s| REGULAR_STEP_RATIO * step_s).max(options.maximum_step_s);
+            self.steps_s.back().map_or(0.0, |step_s| REGULAR_STEP_RATIO * step_s).max(options.maximum_step_s);
         let follows = |latest: GpsTime| {
             let step_s = time - latest;
             step_s <= most_s && !(live && step_s < -wait_s)
@@ -177,18 +186,21 @@ impl Track {
     /// Queues a message with a confirmed date or counts the reason against it; `too_late` is the reason if its time is fused already.
     pub(super) fn accept(
         &mut self,
-        received: ReceivedEpoch,
+        mut received: ReceivedEpoch,
         options: &AlignOptions,
         fused_to_gps: Option<GpsTime>,
         too_late: Reason,
     ) -> Accepted {
         let (time, now) = (received.message.time_gps, received.arrived);
-        if let Some(reason) = refusal(time, self.latest, options.simultaneous_s) {
+        let too_soon_s =
+            options.simultaneous_within_s(lower_quartile(&self.steps_s).unwrap_or(SHORTEST_INTERVAL_S));
+        if let Some(reason) = refusal(time, self.latest, too_soon_s) {
             self.skips.add(reason, || describe(&received.message, self.latest, fused_to_gps));
             return Accepted::Refused;
         }
         let latest = self.latest.replace(time);
-        self.step_s = latest.map(|latest| time - latest);
+        self.count_step(latest.map(|latest| time - latest));
+        received.interval_s = self.interval_s();
         let mark = Mark { arrived: now, time };
         self.last_confirmed = Some(mark);
         self.remember(mark, options.maximum_wait);
@@ -202,6 +214,23 @@ impl Track {
         self.queue.push_back(received);
         self.drop_held();
         Accepted::Queued
+    }
+
+    /// Interval between messages, s, by the last steps; `None` before the second step.
+    pub(super) fn interval_s(&self) -> Option<f64> {
+        let is_known = self.steps_s.len() >= FEWEST_STEPS;
+        lower_quartile(&self.steps_s).filter(|_| is_known).map(with_two_digits)
+    }
+
+    /// Remembers a step; `None` after a step backwards, with which the phone starts anew.
+    fn count_step(&mut self, step_s: Option<f64>) {
+        if step_s.is_none() {
+            self.steps_s.clear();
+        }
+        self.steps_s.extend(step_s);
+        if self.steps_s.len() > MAXIMUM_STEPS {
+            self.steps_s.pop_front();
+        }
     }
 
     /// Holds a message back until the next one confirms its date.
@@ -251,14 +280,27 @@ impl Track {
     }
 }
 
+/// The value that a quarter of the steps is shorter than.
+fn lower_quartile(steps_s: &VecDeque<f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = steps_s.iter().copied().collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted.get(sorted.len() / 4).copied()
+}
+
+/// A positive value rounded to two significant digits.
+fn with_two_digits(value: f64) -> f64 {
+    let unit = 10.0_f64.powf(value.log10().floor() - 1.0);
+    (value / unit).round() * unit
+}
+
 /// Reason for which a message cannot follow the previous one.
-fn refusal(time: GpsTime, previous: Option<GpsTime>, simultaneous_s: f64) -> Option<Reason> {
+fn refusal(time: GpsTime, previous: Option<GpsTime>, too_soon_s: f64) -> Option<Reason> {
     let previous = previous?;
     if time == previous {
         Some(Reason::EpochReceivedTwice)
     } else if time < previous {
         Some(Reason::EpochOutOfOrder)
-    } else if time - previous <= simultaneous_s {
+    } else if time - previous <= too_soon_s {
         Some(Reason::EpochTooSoon)
     } else {
         None
@@ -274,4 +316,41 @@ fn describe(message: &EpochMessage, previous: Option<GpsTime>, fused_to_gps: Opt
         text(previous),
         text(fused_to_gps)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn interval_s(steps_s: &[f64]) -> Option<f64> {
+        let mut track = Track::default();
+        for step_s in steps_s {
+            track.count_step(Some(*step_s));
+        }
+        track.interval_s()
+    }
+
+    #[test]
+    fn intervals_are_those_of_most_steps_and_rounded() {
+        assert_eq!((interval_s(&[]), interval_s(&[1.0])), (None, None));
+        for (steps_s, expected_s) in [
+            (&[1.001, 0.999][..], 1.0),
+            (&[7.0, 1.0, 4.0], 1.0),
+            (&[5.001, 5.0, 15.0, 5.003, 0.2, 10.0, 5.002], 5.0),
+            (&[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 30.0, 30.0, 29.998, 30.002, 30.001, 30.0], 30.0),
+            (&[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 0.101, 0.099], 0.1),
+            (&[0.0099, 0.0101, 0.01, 0.01], 0.01),
+        ] {
+            assert_eq!(interval_s(steps_s), Some(expected_s), "{steps_s:?}");
+        }
+    }
+
+    #[test]
+    fn after_a_step_backwards_the_interval_is_measured_anew() {
+        let mut track = Track::default();
+        for step_s in [Some(1.0), Some(1.0), Some(1.0), None, Some(1.0)] {
+            track.count_step(step_s);
+        }
+        assert_eq!(track.interval_s(), None);
+    }
 }
