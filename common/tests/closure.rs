@@ -328,11 +328,6 @@ enum Sky {
 }
 
 #[derive(Clone, Copy)]
-/// The default corrections for simulated satellites, whose code has no bias by elevation.
-fn unbiased() -> CorrectionOptions {
-    CorrectionOptions { beidou2_code_bias: false, ..CorrectionOptions::default() }
-}
-
 struct Receiver {
     position: Ecef,
     /// Ahead of GPS time, s.
@@ -494,6 +489,11 @@ fn combinations() -> Vec<(&'static str, Products, &'static [&'static str])> {
         ("broadcast", broadcast_alone, unknown),
         ("broadcast and biases", broadcast, unknown),
     ]
+}
+
+/// The default corrections for simulated satellites, whose code has no bias by elevation.
+fn unbiased() -> CorrectionOptions {
+    CorrectionOptions { beidou2_code_bias: false, ..CorrectionOptions::default() }
 }
 
 #[test]
