@@ -73,7 +73,7 @@ pub(crate) fn trust(caster_ca: Option<&Path>, is_used: bool) -> anyhow::Result<T
 /// The settings of a file, if it is named, under the masks and log options of the command line.
 pub(crate) fn settings(file: Option<&Path>, masks: Masks, log: LogOptions) -> anyhow::Result<FileSettings> {
     let file = file.map(FileSettings::read).transpose()?.unwrap_or_default();
-    Ok(FileSettings { estimator: file.estimator, masks: masks.or(file.masks), log: log.or(&file.log) })
+    Ok(FileSettings { masks: masks.or(file.masks), log: log.or(&file.log), ..file })
 }
 
 /// What is read.
@@ -191,13 +191,13 @@ impl Publish {
         products: ProductFiles,
         settings: &FileSettings,
     ) -> anyhow::Result<AgentConfig> {
-        let FileSettings { mut estimator, masks, log } = settings.clone();
+        let FileSettings { preset, mut estimator, masks, log } = settings.clone();
         let correction = &mut estimator.correction;
         correction.ionosphere = self.ionosphere.unwrap_or(correction.ionosphere);
         correction.maximum_age_s =
             self.corrections_age.map_or(correction.maximum_age_s, |age_s| age_s as f64);
         let mut pipeline = estimator.pipeline();
-        pipeline.correction = masks.apply(pipeline.correction)?;
+        pipeline.correction = masks.apply(preset.masked(pipeline.correction))?;
         pipeline.recorded_corrections = self.recorded_corrections;
         let mut source = self.source()?;
         let mut sources: Vec<CorrectionSource> = self

@@ -47,10 +47,10 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
 /// A file that cannot be used does not keep the others from being shown, and makes the exit code 1.
 fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
     let (masks, log) = (arguments.masks.clone(), arguments.log.clone());
-    let FileSettings { estimator, masks, log } =
+    let FileSettings { preset, estimator, masks, log } =
         arguments::settings(arguments.settings.as_deref(), masks, log)?;
     let mut pipeline = estimator.pipeline();
-    pipeline.correction = masks.apply(pipeline.correction)?;
+    pipeline.correction = masks.apply(preset.masked(pipeline.correction))?;
     let options = InspectOptions {
         reading: Reading { near: arguments.read.date, log: log.with(&masks)?, dates: None },
         products: ProductSource::Files(arguments.products.clone()),

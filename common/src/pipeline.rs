@@ -42,10 +42,14 @@ pub struct PipelineOptions {
 }
 
 impl PipelineOptions {
-    /// The stochastic model and filter of Peng 2023; masks, corrections and RAIM as by default.
+    /// Masks (10°, 25 dB-Hz), stochastic model and filter of Peng 2023, section 4.1; other corrections and RAIM as by default.
     pub fn peng2023() -> Self {
-        let correction =
-            CorrectionOptions { stochastic: StochasticModel::peng2023(), ..CorrectionOptions::default() };
+        let correction = CorrectionOptions {
+            elevation_mask_rad: 10_f64.to_radians(),
+            minimum_cn0_dbhz: 25.0,
+            stochastic: StochasticModel::peng2023(),
+            ..CorrectionOptions::default()
+        };
         Self { correction, filter: FilterOptions::peng2023(), ..Self::default() }
     }
 }

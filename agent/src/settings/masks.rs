@@ -5,12 +5,10 @@ use std::ops::RangeInclusive;
 use clap::{Args, ValueEnum};
 use cofix_common::formats::gnsslogger::{self, BiasReference};
 use cofix_common::measurement::{CorrectionOptions, Exclusion};
-use cofix_common::settings::Entry;
+use cofix_common::settings::{Entry, Preset};
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
-/// The usual mask of elevation; in radians it is that of [`CorrectionOptions::default`].
-const ELEVATION_DEG: f64 = 7.5;
 /// Four times 1,024 weeks: a recording is not shifted by more.
 const MOST_SHIFT_WEEKS: i64 = 4_096;
 
@@ -180,9 +178,9 @@ impl LogOptions {
     }
 }
 
-/// The keys of the tables `[masks]` and `[log]` with their defaults.
-pub fn entries() -> Vec<Entry> {
-    let correction = CorrectionOptions::default();
+/// The keys of the tables `[masks]` and `[log]` with the values that they have with a preset.
+pub fn entries(preset: Preset) -> Vec<Entry> {
+    let correction = preset.masked(CorrectionOptions::default());
     let log = gnsslogger::Masks::default();
     let masks = ("masks", "What is not used, of any format.");
     let logs = ("log", "How GnssLogger text, and challenge tables with its columns, are read.");
@@ -194,7 +192,8 @@ pub fn entries() -> Vec<Entry> {
             "elevation_deg",
             ("degrees", "0 to 90"),
             "Satellites lower than this are not used.",
-            float(ELEVATION_DEG),
+            // Rounded against the last digits of the conversion.
+            float((correction.elevation_mask_rad.to_degrees() * 1e9).round() / 1e9),
         ),
         (
             masks,

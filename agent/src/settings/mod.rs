@@ -30,6 +30,8 @@ pub use masks::{LogOptions, MaskError, Masks};
 /// The content of a settings file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileSettings {
+    /// The preset, which decides the masks that are not given.
+    pub preset: Preset,
     /// The estimator's settings.
     pub estimator: Settings,
     /// Satellites and signals that are not used.
@@ -95,7 +97,8 @@ impl FileSettings {
         let estimator = Settings::of_file(&keys).map_err(|error| error.told(text))?;
         masks.apply(CorrectionOptions::default()).map_err(|error| in_table("masks", &error, text))?;
         log.with(&masks).map_err(|error| in_table("log", &error, text))?;
-        Ok(Self { estimator, masks, log })
+        let preset = keys.filter.preset.unwrap_or_default();
+        Ok(Self { preset, estimator, masks, log })
     }
 }
 
@@ -123,7 +126,7 @@ pub fn in_table(table: &str, error: &MaskError, text: &str) -> String {
 /// Every key of every table as TOML, with its unit, its range and its meaning.
 pub fn document(preset: Preset) -> String {
     let mut document: Document = Settings::preset(preset).document(preset);
-    for entry in entries() {
+    for entry in entries(preset) {
         document.add(&entry);
     }
     document.to_string()
@@ -137,11 +140,11 @@ mod tests {
 
     #[test]
     fn what_is_printed_is_read_and_says_the_defaults() {
-        for preset in [Preset::Default, Preset::Peng2023] {
+        for preset in [Preset::Default, Preset::Peng2023, Preset::Peng2023Doppler] {
             let text = document(preset);
             let read = FileSettings::parse(&text).unwrap();
             assert_eq!(read.estimator, Settings::preset(preset));
-            let usual = CorrectionOptions::default();
+            let usual = preset.masked(CorrectionOptions::default());
             let masked =
                 read.masks.apply(CorrectionOptions { minimum_cn0_dbhz: 0.0, ..usual.clone() }).unwrap();
             assert_eq!(masked, usual, "{text}");
@@ -157,8 +160,11 @@ mod tests {
             expected.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>()
         };
         for table in ["masks", "log"] {
-            let printed: Vec<&str> =
-                entries().iter().filter(|entry| entry.table == table).map(|entry| entry.key).collect();
+            let printed: Vec<&str> = entries(Preset::Default)
+                .iter()
+                .filter(|entry| entry.table == table)
+                .map(|entry| entry.key)
+                .collect();
             let mut known = listed(table);
             known.sort();
             let mut sorted = printed.clone();

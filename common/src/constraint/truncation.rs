@@ -44,8 +44,8 @@ pub struct Gaussian {
 pub enum Enlargement {
     /// The interval is kept: the constraint is true and the state is wrong.
     Fixed,
-    /// Algorithm 1: while the truncated moments give the interval a probability below 1 − `confidence`, the interval is widened about its
-    /// centre by `factor` (one-sided intervals move their bound, courses widen their tolerance).
+    /// Algorithm 1: while the truncated moments give the interval a probability below 1 − `confidence`, each bound is moved
+    /// outwards by `factor` (courses widen their tolerance).
     ///
     /// For a mean far outside, the truncated distribution is nearly exponential, and its moments give the interval a probability of about
     /// 0.84. With the paper's 0.1 the interval then grows until it reaches the mean, and the correction is almost lost.
@@ -92,20 +92,25 @@ impl Interval {
         self.lower <= value && value <= self.upper
     }
 
-    /// The interval after `times` enlargements. An interval with two bounds grows about its centre; a single bound moves outwards by the
-    /// larger of its size and `sigma`, times factor^`times` − 1.
+    /// The interval after `times` enlargements: each bound moves outwards by `factor` (Peng 2023, section 3.2: "we enlarge the bound 1.5
+    /// times"), a bound away from zero as 1.5·d and one towards it as d/1.5. An interval without width first gets one about its value, and a
+    /// single bound moves by at least `sigma` times factor^`times` − 1.
     fn enlarged(&self, factor: f64, times: u32, sigma: f64) -> Self {
         if times == 0 {
             return *self;
         }
         let growth = factor.powi(i32::try_from(times).unwrap_or(i32::MAX));
         if self.lower.is_finite() && self.upper.is_finite() {
-            let centre = 0.5 * (self.lower + self.upper);
-            let mut half = 0.5 * (self.upper - self.lower);
-            if half < LEAST_WIDTH_SIGMAS * sigma {
-                half = FIRST_HALF_WIDTH_SIGMAS * sigma;
+            if self.upper - self.lower < LEAST_WIDTH_SIGMAS * sigma {
+                let (centre, half) =
+                    (0.5 * (self.lower + self.upper), FIRST_HALF_WIDTH_SIGMAS * sigma * growth);
+                return Self { lower: centre - half, upper: centre + half };
             }
-            return Self { lower: centre - half * growth, upper: centre + half * growth };
+            let outwards = |bound: f64, is_away: bool| if is_away { bound * growth } else { bound / growth };
+            return Self {
+                lower: outwards(self.lower, self.lower < 0.0),
+                upper: outwards(self.upper, self.upper > 0.0),
+            };
         }
         let outwards = |bound: f64| (growth - 1.0) * bound.abs().max(sigma);
         let lower = if self.lower.is_finite() { self.lower - outwards(self.lower) } else { self.lower };

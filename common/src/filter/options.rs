@@ -20,6 +20,8 @@ pub struct FilterOptions {
     pub rate_sigma_scale: f64,
     /// Down-weighting of large innovations.
     pub robust: RobustWeights,
+    /// Whether Doppler is used.
+    pub use_rates: bool,
     /// Whether the filter takes only the observations that the phone's RAIM kept.
     pub only_used: bool,
     /// Errors that all phones share, for the second covariance.
@@ -111,7 +113,8 @@ impl CodeNoise {
 }
 
 impl FilterOptions {
-    /// Peng 2023: constant acceleration, white jerk with σ_a² = (0.01 m)² per second (Eq. 21), no robust weights.
+    /// Peng 2023: constant acceleration, white jerk with σ_a² = (0.01 m)² per second (Eq. 21), no robust weights; pseudoranges alone (section
+    /// 4.1), those that RAIM kept.
     pub const fn peng2023() -> Self {
         Self {
             process: ProcessNoise {
@@ -125,6 +128,7 @@ impl FilterOptions {
             lasting_weight: 1.0,
             rate_sigma_scale: 1.0,
             robust: RobustWeights { keep: f64::INFINITY, reject: f64::INFINITY },
+            use_rates: false,
             only_used: true,
             shared: SharedErrors::NONE,
             maximum_gap_s: 10.0,
@@ -143,6 +147,7 @@ impl Default for FilterOptions {
             lasting_weight: 1.8,
             rate_sigma_scale: 1.3,
             robust: RobustWeights { keep: 1.0, reject: 5.0 },
+            use_rates: true,
             only_used: false,
             shared: SharedErrors {
                 satellite_sigma_m: 0.5,

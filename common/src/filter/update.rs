@@ -78,7 +78,11 @@ impl JointFilter {
         let offered: Vec<&CorrectedObservation> = observations.iter().filter(is_offered).collect();
         let position = self.position(slot);
         let (codes, code) = self.update_codes(slot, position, &offered);
-        let (rates, rate) = self.update_rates(slot, position, &offered);
+        let (rates, rate) = if self.options.use_rates {
+            self.update_rates(slot, position, &offered)
+        } else {
+            Default::default()
+        };
         if code.rows + rate.rows > 0 {
             self.mark_measured(slot, codes, rates);
         }
@@ -233,7 +237,7 @@ mod tests {
     use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
     use crate::time::GpsTime;
 
-    const PLAIN: FilterOptions = FilterOptions::peng2023();
+    const PLAIN: FilterOptions = FilterOptions { use_rates: true, ..FilterOptions::peng2023() };
 
     fn start(receiver: &Receiver, offset_m: f64) -> Start {
         Start {

@@ -39,6 +39,10 @@ impl Settings {
         match preset {
             Preset::Default => Self::default(),
             Preset::Peng2023 => Self::peng2023(),
+            Preset::Peng2023Doppler => {
+                let peng = Self::peng2023();
+                Self { filter: FilterSettings { doppler: true, ..peng.filter }, ..peng }
+            }
         }
     }
 
@@ -123,6 +127,18 @@ impl Settings {
             constraints: ConstraintSettings::of(&engine.constraints, engine.feedback),
             alignment: AlignmentSettings::of(AlignOptions::default()),
         }
+    }
+}
+
+impl Preset {
+    /// Corrections with the masks of the preset.
+    pub fn masked(self, correction: CorrectionOptions) -> CorrectionOptions {
+        let of_preset = match self {
+            Self::Default => CorrectionOptions::default(),
+            Self::Peng2023 | Self::Peng2023Doppler => PipelineOptions::peng2023().correction,
+        };
+        let CorrectionOptions { elevation_mask_rad, minimum_cn0_dbhz, .. } = of_preset;
+        CorrectionOptions { elevation_mask_rad, minimum_cn0_dbhz, ..correction }
     }
 }
 
@@ -252,6 +268,7 @@ impl FilterSettings {
             rate_sigma_scale: options.rate_sigma_scale,
             robust_keep_sigmas: keep,
             robust_reject_sigmas: reject,
+            doppler: options.use_rates,
             raim_selection: options.only_used,
             bias_walk_m2ps: options.bias_walk_m2ps,
             shared_satellite_sigma_m: shared.satellite_sigma_m,
@@ -278,6 +295,7 @@ impl FilterSettings {
             lasting_weight: self.lasting_weight,
             rate_sigma_scale: self.rate_sigma_scale,
             robust: RobustWeights { keep: self.robust_keep_sigmas, reject: self.robust_reject_sigmas },
+            use_rates: self.doppler,
             only_used: self.raim_selection,
             bias_walk_m2ps: self.bias_walk_m2ps,
             shared: SharedErrors {

@@ -17,6 +17,9 @@ pub enum Preset {
     Default,
     /// The values printed in Peng 2023, section 4.
     Peng2023,
+    /// The same with Doppler.
+    #[serde(rename = "peng2023-doppler")]
+    Peng2023Doppler,
 }
 
 /// The form of a variance model; see [`crate::measurement::VarianceModel`].
@@ -82,7 +85,9 @@ pub enum Widening {
 }
 
 words! {
-    Preset { "default" => Self::Default, "peng2023" => Self::Peng2023 }
+    Preset {
+        "default" => Self::Default, "peng2023" => Self::Peng2023, "peng2023-doppler" => Self::Peng2023Doppler,
+    }
     Ionosphere { "model" => Self::Model, "pair" => Self::Pair, "pair-only" => Self::PairOnly }
     TroposphereMapping { "niell" => Self::Niell, "cosecant" => Self::Cosecant }
     VarianceForm {
@@ -248,6 +253,8 @@ tables! {
         robust_keep_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
         /// Innovation from which on a measurement has no weight; not below robust_keep_sigmas.
         robust_reject_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
+        /// Whether the filter uses Doppler.
+        doppler: bool = ["switch", ()];
         /// Whether the filter takes only the observations that RAIM kept; if not, it judges all by their innovations.
         raim_selection: bool = ["switch", ()];
         /// Spectral density of the random walk of the biases between a receiver's constellations and bands; inf gives each a clock of its own

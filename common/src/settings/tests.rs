@@ -8,7 +8,7 @@ use crate::fusion::engine::EngineOptions;
 use crate::measurement::{DifferentialOptions, Uncorrected, VarianceModel};
 use crate::pipeline::PipelineOptions;
 
-const PRESETS: [Preset; 2] = [Preset::Default, Preset::Peng2023];
+const PRESETS: [Preset; 3] = [Preset::Default, Preset::Peng2023, Preset::Peng2023Doppler];
 
 fn read(text: &str) -> Result<Settings, String> {
     let given: SettingsKeys = toml::from_str(text).map_err(|error| error.to_string())?;

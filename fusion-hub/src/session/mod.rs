@@ -128,7 +128,7 @@ impl Settings {
     /// Invalid mask.
     pub fn options(&self) -> Result<(PipelineOptions, EngineOptions), MaskError> {
         let mut pipeline = self.estimator.pipeline();
-        pipeline.correction = self.masks.apply(pipeline.correction)?;
+        pipeline.correction = self.masks.apply(self.preset.masked(pipeline.correction))?;
         Ok((pipeline, self.estimator.engine()))
     }
 
