@@ -48,7 +48,8 @@ fn a_phone_that_drives_away_is_noticed_and_pulls_nobody() {
             println!(
                 "seed {seed}, {speed_mps} m/s: {noticed_s:?} s, worst {worst_m:.2} m, {relied_on} relied on"
             );
-            let noticed_s = noticed_s.unwrap();
+            // The bound is exceeded once the phone is 2 m away.
+            let noticed_s = noticed_s.unwrap() - 2.0 / speed_mps;
             assert!(
                 (0.0..30.0).contains(&noticed_s),
                 "seed {seed}, {speed_mps} m/s: noticed after {noticed_s} s"
@@ -145,7 +146,7 @@ fn the_rate_of_one_phone_does_not_strengthen_a_bound_on_the_other() {
 /// Mean normalised errors squared of the local filters over seeds, horizontal and up, after the first two minutes.
 fn consistency(interval_s: f64, duration_s: f64) -> (f64, f64) {
     let (mut horizontal, mut up) = (0.0, 0.0);
-    let seeds = 20;
+    let seeds = 12;
     for seed in 1..=seeds {
         let mut scenario = Scenario { seed, interval_s, duration_s, ..Scenario::stationary(2) };
         for phone in &mut scenario.phones {
@@ -159,7 +160,7 @@ fn consistency(interval_s: f64, duration_s: f64) -> (f64, f64) {
         scenario.errors.shared = SharedErrors {
             gps_galileo_bias_sigma_m: 1.0,
             beidou_bias_sigma_m: 1.8,
-            ionosphere_sigma: sigma(0.6, 5.0),
+            ionosphere_sigma: sigma(0.6, 3.5),
             ..SharedErrors::default()
         };
         let group = Group::simulated(scenario);
@@ -181,7 +182,7 @@ fn the_covariance_is_honest_at_any_rate() {
     let seen = rates.map(|(interval_s, duration_s)| (interval_s, consistency(interval_s, duration_s)));
     println!("interval s, NEES horizontal and up: {seen:.2?}");
     for (interval_s, (horizontal, up)) in seen {
-        assert!((0.5..4.0).contains(&horizontal), "{interval_s} s: {horizontal}");
-        assert!((0.25..2.0).contains(&up), "{interval_s} s: {up}");
+        assert!((1.0..4.0).contains(&horizontal), "{interval_s} s: {horizontal}");
+        assert!((0.4..2.0).contains(&up), "{interval_s} s: {up}");
     }
 }

@@ -11,6 +11,7 @@ use cofix_common::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use cofix_common::constraint::{Constraint, Distance, VerticalVelocity};
 use cofix_common::frames::{Direction, Enu, LocalFrame};
 use cofix_common::gnss::{ClockGroup, Constellation, Observation, SatelliteId, SignalCode};
+use cofix_common::measurement::beidou2_code_correction_m;
 use cofix_common::orbit::Products;
 use cofix_common::simulation::{
     AccelerationPulse, ClockOptions, ConvoyOptions, ErrorModel, InterSystemBiases, IonosphereResidual,
@@ -308,8 +309,9 @@ fn correct(
             products.group_delay_correction_m(satellite, signal, state.clock_reference, tag).unwrap_or(0.0);
         let group = ClockGroup { constellation: satellite.constellation, band: signal.band };
         let receiver_clock = c * (simulated.clock.bias_s + biases.of(group));
+        let code_bias = beidou2_code_correction_m(satellite, signal, direction.elevation_rad);
         let without_delays_m =
-            pseudorange - scale_from_l1(ionosphere, c / wavelength) - troposphere + group_delay;
+            pseudorange - scale_from_l1(ionosphere, c / wavelength) - troposphere + group_delay + code_bias;
         let without_drift_mps = -wavelength * observation.doppler_hz.unwrap() - c * simulated.clock.drift_sps;
         let apparent = unit.dot(&(turn * state.velocity.0 - truth.velocity.0));
         Corrected {

@@ -1,7 +1,7 @@
 //! Whether the phones' own measurements contradict a constraint.
 //!
 //! The measure is the excess over the bounds of the distribution without any constraint, in its standard deviations. Beyond the limit the
-//! constraint is contradicted at once; beyond two thirds of it when that lasts for ten seconds, because an error of measurements passes and a
+//! constraint is contradicted at once; beyond six tenths of it when that lasts for five seconds, because an error of measurements passes and a
 //! wrong constraint does not. A contradicted constraint stays so until the excess is below half of the limit.
 
 use crate::time::GpsTime;
@@ -9,9 +9,9 @@ use crate::time::GpsTime;
 /// Share of the limit beyond which a constraint is doubted.
 const DOUBTED_SHARE: f64 = 0.5;
 /// Share of the limit beyond which a lasting excess is a contradiction.
-const LASTING_SHARE: f64 = 2.0 / 3.0;
+const LASTING_SHARE: f64 = 0.6;
 /// Time after which an excess is lasting, s.
-const LASTING_S: f64 = 10.0;
+const LASTING_S: f64 = 5.0;
 
 /// What measurements say of a constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -68,10 +68,10 @@ mod tests {
     }
 
     #[test]
-    fn a_moderate_excess_counts_after_ten_seconds_without_a_break() {
-        let seen = run(&[(0.0, 4.5), (5.0, 4.5), (9.9, 4.5), (10.0, 4.5)]);
+    fn a_moderate_excess_counts_after_five_seconds_without_a_break() {
+        let seen = run(&[(0.0, 4.5), (2.0, 4.5), (4.9, 4.5), (5.0, 4.5)]);
         assert_eq!(seen[2..], [Doubt::Doubted, Doubt::Contradicted]);
-        let broken = run(&[(0.0, 4.5), (5.0, 3.5), (9.9, 4.5), (19.8, 4.5), (19.9, 4.5)]);
+        let broken = run(&[(0.0, 4.5), (2.0, 3.5), (4.9, 4.5), (9.8, 4.5), (9.9, 4.5)]);
         assert_eq!(broken[3..], [Doubt::Doubted, Doubt::Contradicted]);
     }
 

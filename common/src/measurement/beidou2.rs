@@ -18,7 +18,7 @@ const MEDIUM_M: [f64; 10] = [-0.47, -0.38, -0.32, -0.23, -0.11, 0.06, 0.34, 0.69
 const B1I_BAND: u8 = b'2';
 
 /// What is to be added to a pseudorange at an elevation, m; 0 for signals without such a bias.
-pub(crate) fn code_correction_m(satellite: SatelliteId, signal: SignalCode, elevation_rad: f64) -> f64 {
+pub fn beidou2_code_correction_m(satellite: SatelliteId, signal: SignalCode, elevation_rad: f64) -> f64 {
     let table = table(satellite).filter(|_| signal.band == B1I_BAND);
     table.map_or(0.0, |table| interpolated(table, elevation_rad.to_degrees()))
 }
@@ -67,7 +67,7 @@ mod tests {
 
     fn correction_m(constellation: Constellation, number: u8, signal: [u8; 2], elevation_deg: f64) -> f64 {
         let Observation { satellite, signal, .. } = observation(constellation, number, signal);
-        code_correction_m(satellite, signal, elevation_deg.to_radians())
+        beidou2_code_correction_m(satellite, signal, elevation_deg.to_radians())
     }
 
     /// C11 about 62° above the horizon in the north, as a single signal or as a pair.

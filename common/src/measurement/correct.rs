@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::beidou2;
+use super::beidou2::beidou2_code_correction_m;
 use super::exclusion::{Exclusion, Exclusions};
 use super::given::RecordedObservation;
 use super::pair::Ionosphere;
@@ -446,7 +446,7 @@ impl<'a> View<'a> {
     /// Correction of code biases by elevation, m, if the options say so; 0 for a pair.
     fn code_correction_m(&self, prepared: &PreparedObservation, elevation_rad: f64) -> f64 {
         if self.options.beidou2_code_bias && prepared.second.is_none() {
-            beidou2::code_correction_m(
+            beidou2_code_correction_m(
                 prepared.observation.satellite,
                 prepared.observation.signal,
                 elevation_rad,

@@ -19,7 +19,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub(crate) mod beidou2;
+mod beidou2;
 mod channel;
 mod correct;
 mod differential;
@@ -32,6 +32,7 @@ mod recorded;
 pub(crate) mod sky;
 mod stochastic;
 
+pub use beidou2::beidou2_code_correction_m;
 pub use correct::{CorrectionOptions, Corrector, without_position};
 pub use differential::{Applied, Differential, DifferentialCounts, DifferentialOptions, Uncorrected};
 pub use exclusion::{Exclusion, ExclusionError};

@@ -22,7 +22,7 @@ use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
 use crate::gnss::{
     ClockGroup, EpochFlag, LossOfLock, Observation, ObservationEpoch, SatelliteId, SignalCode,
 };
-use crate::measurement::beidou2;
+use crate::measurement::beidou2_code_correction_m;
 use crate::time::GpsTime;
 
 use super::Simulation;
@@ -276,7 +276,7 @@ impl Instant<'_> {
         let delays_m = self.atmosphere_m(*direction, frequency_hz)
             + self.shared_m(satellite, *direction, frequency_hz)
             + satellite.group_delay_m(signal, errors.l5_delay_m)
-            - beidou2::code_correction_m(satellite.id(), signal, direction.elevation_rad)
+            - beidou2_code_correction_m(satellite.id(), signal, direction.elevation_rad)
             + satellite.signal_in_space_m(errors.signal_in_space_m);
         let in_canyon = self.surroundings.in_canyon();
         // chipping rate ten times as high: a third of the noise, half of the multipath
