@@ -16,6 +16,7 @@ use cofix_agent::source::products::Loaded;
 use cofix_agent::{Source, Stop, source};
 use cofix_common::accuracy::Accuracy;
 use cofix_common::constraint::{ConstraintOptions, DistanceModel, Enlargement, Method};
+use cofix_common::filter::{FilterOptions, RobustWeights};
 use cofix_common::formats::decode::Record;
 use cofix_common::fusion::align::{AlignOptions, Aligner};
 use cofix_common::fusion::engine::{Engine, EngineOptions};
@@ -82,23 +83,25 @@ fn variants() -> Vec<Variant> {
         Variant { constrained: false, ..ours("no constraints", default) },
         ours("one by one instead of EP", ConstraintOptions { method: sequential, ..default }),
         ours("only when violated", ConstraintOptions { act_when_inside: false, ..default }),
+        ours("distance as a box", ConstraintOptions { distance_model: DistanceModel::Box, ..default }),
         ours(
             "distance on its line only",
             ConstraintOptions { distance_model: DistanceModel::Radial, ..default },
         ),
         ours("intervals enlarged (Alg. 1)", ConstraintOptions { enlargement: peng, ..default }),
         Variant {
-            engine: EngineOptions { feedback: false, ..EngineOptions::default() },
-            ..ours("constraints not fed back", default)
+            engine: EngineOptions { feedback: true, ..EngineOptions::default() },
+            ..ours("constraints fed back", default)
         },
+        filtered("RAIM's selection", |filter| filter.only_used = true),
+        filtered("every clock group white", |filter| filter.bias_walk_m2ps = f64::INFINITY),
+        filtered("robust weights 2 to 8 sigma", |filter| {
+            filter.robust = RobustWeights { keep: 2.0, reject: 8.0 };
+        }),
+        filtered("lasting errors weigh once", |filter| filter.lasting_weight = 1.0),
         ours("constraints of Peng 2023", ConstraintOptions::peng2023()),
-        Variant {
-            name: "all of Peng 2023",
-            pipeline: PipelineOptions::peng2023(),
-            engine: EngineOptions::peng2023(),
-            constrained: true,
-            bands: Bands::All,
-        },
+        as_printed("all of Peng 2023", |_| ()),
+        as_printed("the same with Doppler", |filter| filter.use_rates = true),
         Variant { bands: Bands::First, ..ours("L1, E1 and B1I only", default) },
         Variant { bands: Bands::FifthElseFirst, ..ours("L5 and E5a where present, else L1", default) },
         Variant {
@@ -106,6 +109,22 @@ fn variants() -> Vec<Variant> {
             ..ours("ionosphere-free pairs where possible", default)
         },
     ]
+}
+
+/// The default with other options of the filters.
+fn filtered(name: &'static str, change: impl Fn(&mut FilterOptions)) -> Variant {
+    let (mut pipeline, mut engine) = (PipelineOptions::default(), EngineOptions::default());
+    change(&mut pipeline.filter);
+    change(&mut engine.filter);
+    Variant { name, pipeline, engine, constrained: true, bands: Bands::All }
+}
+
+/// The preset of Peng 2023 with other options of the filters.
+fn as_printed(name: &'static str, change: impl Fn(&mut FilterOptions)) -> Variant {
+    let (mut pipeline, mut engine) = (PipelineOptions::peng2023(), EngineOptions::peng2023());
+    change(&mut pipeline.filter);
+    change(&mut engine.filter);
+    Variant { name, pipeline, engine, constrained: true, bands: Bands::All }
 }
 
 fn pairs(ionosphere: Ionosphere) -> PipelineOptions {

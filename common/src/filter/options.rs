@@ -152,7 +152,7 @@ impl Default for FilterOptions {
             shared: SharedErrors {
                 satellite_sigma_m: 0.5,
                 satellite_share: 0.5,
-                ionosphere_share: 0.6,
+                ionosphere_share: 0.7,
                 gradient_share: 0.5,
                 time_constant_s: 7_200.0,
             },
