@@ -123,19 +123,21 @@ fn absent(report: &Report) -> Option<Finding> {
 }
 
 fn apart(report: &Report) -> Option<Finding> {
-    let share = ratio(report.common_epochs, report.epochs);
-    (report.phones.len() > 1 && share < LEAST_COMMON).then(|| Finding {
+    // A phone at a lower rate than another has at most all of its own epochs in common with it.
+    let mut epochs: Vec<u64> = report.phones.values().map(|phone| phone.epochs).collect();
+    epochs.sort_unstable();
+    let possible = epochs.iter().rev().nth(1).copied().unwrap_or_default().min(report.epochs);
+    let share = ratio(report.common_epochs, possible);
+    (possible > 0 && share < LEAST_COMMON).then(|| Finding {
         severity: Severity::Worse,
         kind: "phones-apart-in-time",
         phones: Vec::new(),
         text: format!(
-            "phones were together at {} of the epochs ({} of {})",
-            percent(report.common_epochs, report.epochs),
+            "phones were together at {} of the epochs that they could have in common ({} of {possible})",
+            percent(report.common_epochs, possible),
             report.common_epochs,
-            report.epochs
         ),
-        advice: "Fusion helps only then: check that the recordings are of one time and have one rate"
-            .to_owned(),
+        advice: "Fusion helps only then: check that the recordings are of one time".to_owned(),
     })
 }
 

@@ -187,9 +187,14 @@ fn each_fault_is_found_by_itself() {
         ("phone-part-of-the-time", Severity::Worse, "a 40 % of the time", |r| {
             of_a(r).share_of_group = Some(0.4);
         }),
-        ("phones-apart-in-time", Severity::Worse, "at 2.0 % of the epochs (2 of 100)", |r| {
-            r.common_epochs = 2;
-        }),
+        (
+            "phones-apart-in-time",
+            Severity::Worse,
+            "at 2.0 % of the epochs that they could have in common (2 of 100)",
+            |r| {
+                r.common_epochs = 2;
+            },
+        ),
         ("epochs-without-solution", Severity::Worse, "a 30 %", |r| of_a(r).epochs_without_solution = 30),
         ("few-satellites", Severity::Worse, "a 5.2", |r| of_a(r).mean_satellites = Some(5.2)),
         ("no-doppler", Severity::Worse, "a 100 %", |r| of_a(r).observations_with_rate = 0),
