@@ -13,7 +13,7 @@ use crate::atmosphere::{STANDARD_RELATIVE_HUMIDITY, Troposphere, TroposphereMapp
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
 use crate::gnss::{Constellation, Observation, ObservationEpoch};
-use crate::orbit::{LineOfSight, OrbitError, Products, SatelliteState};
+use crate::orbit::{IonosphereDelay, LineOfSight, OrbitError, Products, SatelliteState};
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 
@@ -418,7 +418,7 @@ impl<'a> View<'a> {
         products: &Products,
         skips: &mut Skips,
     ) -> CorrectedObservation {
-        let (ionosphere_m, troposphere_m) = self.atmosphere_m(prepared, seen.direction, products, skips);
+        let (ionosphere, troposphere_m) = self.atmosphere_m(prepared, seen.direction, products, skips);
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
         let signal_m2 = self.code_variance_m2(cn0_dbhz, prepared.code_sigma_m, elevation_rad)
@@ -430,12 +430,15 @@ impl<'a> View<'a> {
         let variance = prepared.satellite_variance_m2 + signals_m2;
         let rate = self.options.stochastic.rate;
         let satellite_m2 = prepared.satellite_variance_m2 + prepared.signal_variance_m2;
-        let shared = SharedError { satellite_sigma_m: satellite_m2.min(variance).sqrt(), ionosphere_m };
+        let shared = SharedError {
+            satellite_sigma_m: satellite_m2.min(variance).sqrt(),
+            ionosphere_m: ionosphere.uncertain_m,
+        };
         let observation = seen.rotated.observation(
             prepared,
             seen.direction,
             prepared.pseudorange_m + self.code_correction_m(prepared, elevation_rad)
-                - ionosphere_m
+                - ionosphere.delay_m
                 - troposphere_m,
             variance.sqrt(),
             rate.variance(cn0_dbhz, elevation_rad).sqrt(),
@@ -467,26 +470,28 @@ impl<'a> View<'a> {
         stated_sigma_m.filter(|_| cn0_dbhz.is_none()).map_or_else(model, |sigma_m| sigma_m * sigma_m)
     }
 
-    /// Ionospheric and tropospheric delay by the recording, or else by the models, m.
+    /// Ionospheric delay, and tropospheric delay (m), by the recording, or else by the models.
     fn atmosphere_m(
         &self,
         prepared: &PreparedObservation,
         direction: Direction,
         products: &Products,
         skips: &mut Skips,
-    ) -> (f64, f64) {
+    ) -> (IonosphereDelay, f64) {
         let stated_ionosphere_m = prepared.stated.and_then(|stated| stated.ionosphere_m);
         let stated_troposphere_m = prepared.stated.and_then(|stated| stated.troposphere_m);
         let geodetic = self.frame.geodetic();
         let troposphere_m = stated_troposphere_m.unwrap_or_else(|| self.troposphere.delay_m(direction));
         if prepared.second.is_some() {
-            return (0.0, troposphere_m);
+            return (IonosphereDelay { delay_m: 0.0, uncertain_m: 0.0 }, troposphere_m);
         }
-        let ionosphere_m = stated_ionosphere_m.unwrap_or_else(|| {
+        let stated =
+            stated_ionosphere_m.map(|delay_m| IonosphereDelay { delay_m, uncertain_m: delay_m.abs() });
+        let ionosphere = stated.unwrap_or_else(|| {
             let (time, frequency_hz) = (self.time_gps, prepared.frequency_hz);
             let sight = LineOfSight { receiver: geodetic, direction, time, frequency_hz };
-            products.ionosphere_delay_m(&sight, skips)
+            products.ionosphere_delay(&sight, skips)
         });
-        (ionosphere_m, troposphere_m)
+        (ionosphere, troposphere_m)
     }
 }

@@ -86,7 +86,9 @@ pub struct CorrectedObservation {
 pub struct SharedError {
     /// Standard deviation of orbit, clock and group delay together, m. It is part of [`CorrectedObservation::pseudorange_sigma_m`].
     pub satellite_sigma_m: f64,
-    /// Ionospheric delay that a model removed from this signal, m, and that is wrong by a share of it. 0 for ionosphere-free pairs.
+    /// Ionospheric delay of this signal by which what is left of it is measured, m: a share of it is still in the observation. What
+    /// broadcast coefficients removed, a third of what maps removed, a nominal delay where there is no model; 0 for ionosphere-free pairs and
+    /// with a base station.
     pub ionosphere_m: f64,
 }
 

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use super::Products;
 use crate::atmosphere::{
-    B1I_HZ, Ionex, NoTec, beidou_klobuchar_delay_b1i_m, klobuchar_delay_l1_m, scale_delay, scale_from_l1,
+    B1I_HZ, Ionex, KlobucharCoefficients, NoTec, beidou_klobuchar_delay_b1i_m, klobuchar_delay_l1_m,
+    scale_delay, scale_from_l1,
 };
 use crate::frames::{Direction, Geodetic};
 use crate::skips::{Reason, Skips};
@@ -23,6 +24,28 @@ pub struct LineOfSight {
     pub frequency_hz: f64,
 }
 
+/// Share of the delay by maps that is as uncertain as the delay by broadcast coefficients.
+const MAP_SHARE: f64 = 0.3;
+/// Coefficients of a quiet ionosphere in middle latitudes: 5 ns at night, 17 ns in the afternoon.
+const NOMINAL: KlobucharCoefficients =
+    KlobucharCoefficients { alpha: [1.2e-8, 0.0, 0.0, 0.0], beta: [9e4, 0.0, 0.0, 0.0] };
+
+/// Ionospheric delay of a code.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IonosphereDelay {
+    /// The delay, m; 0 without a model.
+    pub delay_m: f64,
+    /// Measure of what is left after its correction, m: a delay by broadcast coefficients that would be as uncertain. Without a model it is a
+    /// nominal delay.
+    pub uncertain_m: f64,
+}
+
+/// Delay of a quiet ionosphere, m.
+fn nominal_delay_m(sight: &LineOfSight) -> f64 {
+    let LineOfSight { receiver, direction, time, frequency_hz } = *sight;
+    scale_from_l1(klobuchar_delay_l1_m(&NOMINAL, receiver, direction, time), frequency_hz)
+}
+
 impl Products {
     /// Adds ionosphere maps. Of several maps at one instant the first added is used.
     pub fn add_ionosphere_maps(&mut self, file: Ionex) {
@@ -34,9 +57,14 @@ impl Products {
         self.maps.span()
     }
 
-    /// Ionospheric delay of a code, m: by maps where they cover it, else by the Klobuchar coefficients of GPS, else by those of
-    /// BeiDou, else 0. Gaps in existing maps are counted, and delays without any model.
+    /// Ionospheric delay of a code, m; [`Products::ionosphere_delay`] tells what it is worth.
     pub fn ionosphere_delay_m(&self, sight: &LineOfSight, skips: &mut Skips) -> f64 {
+        self.ionosphere_delay(sight, skips).delay_m
+    }
+
+    /// Ionospheric delay of a code, and a measure of what is left of it: by maps where they cover it, else by the Klobuchar coefficients of GPS, else by those of
+    /// BeiDou, else 0. Gaps in existing maps are counted, and delays without any model.
+    pub fn ionosphere_delay(&self, sight: &LineOfSight, skips: &mut Skips) -> IonosphereDelay {
         let LineOfSight { receiver, direction, time, frequency_hz } = *sight;
         let place = || {
             format!(
@@ -48,14 +76,17 @@ impl Products {
             )
         };
         let by_maps = match self.maps.delay_m(receiver, direction, time, frequency_hz) {
-            Ok(delay_m) => return delay_m,
+            Ok(delay_m) => return IonosphereDelay { delay_m, uncertain_m: MAP_SHARE * delay_m },
             Err(why) => (!self.maps.is_empty()).then_some(why),
         };
         let modelled_m = self.modelled_delay_m(sight);
         if let Some(reason) = fallback_reason(by_maps, modelled_m.is_some()) {
             skips.add(reason, place);
         }
-        modelled_m.unwrap_or(0.0)
+        match modelled_m {
+            Some(delay_m) => IonosphereDelay { delay_m, uncertain_m: delay_m },
+            None => IonosphereDelay { delay_m: 0.0, uncertain_m: nominal_delay_m(sight) },
+        }
     }
 
     /// Delay by broadcast coefficients, if there are any.
@@ -89,7 +120,6 @@ const fn fallback_reason(maps: Option<NoTec>, has_model: bool) -> Option<Reason>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::atmosphere::KlobucharCoefficients;
     use crate::orbit::{IonosphereTerms, NavigationFile};
 
     const L1_HZ: f64 = 1_575.42e6;

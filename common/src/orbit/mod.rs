@@ -31,7 +31,7 @@ pub(crate) use broadcast::gravity_and_rotation;
 pub use broadcast::is_healthy;
 pub use glonass::GlonassEphemeris;
 pub(crate) use glonass::accuracy_m;
-pub use ionosphere::LineOfSight;
+pub use ionosphere::{IonosphereDelay, LineOfSight};
 pub use kepler::{KeplerEphemeris, NavigationMessage};
 pub(crate) use plausible::{Implausible, check_reference_s, within};
 pub use precise::{MAX_NODES, MIN_NODES};
