@@ -26,17 +26,17 @@ pub struct LineOfSight {
 
 /// Share of the delay by maps that is as uncertain as the delay by broadcast coefficients.
 const MAP_SHARE: f64 = 0.3;
-/// Coefficients of a quiet ionosphere in middle latitudes: 5 ns at night, 17 ns in the afternoon.
+/// Coefficients of a quiet ionosphere in middle latitudes: 5 ns at night, 17 ns in the afternoon. They stand for missing ones: no correction
+/// would be wrong by metres, in one direction.
 const NOMINAL: KlobucharCoefficients =
     KlobucharCoefficients { alpha: [1.2e-8, 0.0, 0.0, 0.0], beta: [9e4, 0.0, 0.0, 0.0] };
 
 /// Ionospheric delay of a code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IonosphereDelay {
-    /// The delay, m; 0 without a model.
+    /// The delay, m.
     pub delay_m: f64,
-    /// Measure of what is left after its correction, m: a delay by broadcast coefficients that would be as uncertain. Without a model it is a
-    /// nominal delay.
+    /// Measure of what is left after its correction, m: a delay by broadcast coefficients that would be as uncertain.
     pub uncertain_m: f64,
 }
 
@@ -63,7 +63,7 @@ impl Products {
     }
 
     /// Ionospheric delay of a code, and a measure of what is left of it: by maps where they cover it, else by the Klobuchar coefficients of GPS, else by those of
-    /// BeiDou, else 0. Gaps in existing maps are counted, and delays without any model.
+    /// BeiDou, else by nominal ones. Gaps in existing maps are counted, and delays without any model.
     pub fn ionosphere_delay(&self, sight: &LineOfSight, skips: &mut Skips) -> IonosphereDelay {
         let LineOfSight { receiver, direction, time, frequency_hz } = *sight;
         let place = || {
@@ -83,10 +83,8 @@ impl Products {
         if let Some(reason) = fallback_reason(by_maps, modelled_m.is_some()) {
             skips.add(reason, place);
         }
-        match modelled_m {
-            Some(delay_m) => IonosphereDelay { delay_m, uncertain_m: delay_m },
-            None => IonosphereDelay { delay_m: 0.0, uncertain_m: nominal_delay_m(sight) },
-        }
+        let delay_m = modelled_m.unwrap_or_else(|| nominal_delay_m(sight));
+        IonosphereDelay { delay_m, uncertain_m: delay_m }
     }
 
     /// Delay by broadcast coefficients, if there are any.
@@ -166,26 +164,25 @@ mod tests {
     fn maps_come_first_and_every_fallback_is_counted() {
         let map_m = 40.3e17 / (L1_HZ * L1_HZ);
         let night_m = 5e-9 * crate::constants::SPEED_OF_LIGHT_MPS * (1.0 + 16.0 * 0.03_f64.powi(3));
-        for (navigation, fallback_m, word) in
-            [(vec![klobuchar()], night_m, "Klobuchar used"), (vec![], 0.0, "ionosphere not corrected")]
+        // The nominal delay depends on the time of the day; there is no model, which is counted.
+        for (navigation, is_modelled, word) in
+            [(vec![klobuchar()], true, "Klobuchar used"), (vec![], false, "nominal ionosphere used")]
         {
+            let fallback_m = |sight| if is_modelled { night_m } else { nominal_delay_m(sight) };
             let mut products = Products::new(Vec::new(), navigation);
             let mut skips = Skips::default();
             let inside = sight(30.0, "2020-08-13T01:00:00");
-            assert!((products.ionosphere_delay_m(&inside, &mut skips) - fallback_m).abs() < 1e-9);
+            assert!((products.ionosphere_delay_m(&inside, &mut skips) - fallback_m(&inside)).abs() < 1e-9);
             let nothing = skips.count(Reason::NoIonosphereModel);
-            assert_eq!(
-                (skips.total(), nothing),
-                (u64::from(fallback_m == 0.0), u64::from(fallback_m == 0.0))
-            );
+            assert_eq!((skips.total(), nothing), (u64::from(!is_modelled), u64::from(!is_modelled)));
             skips = Skips::default();
             products.add_ionosphere_maps(ionex());
             assert!((products.ionosphere_delay_m(&inside, &mut skips) - map_m).abs() < 1e-9);
             assert!(skips.is_empty(), "{skips}");
             let late = sight(30.0, "2020-08-13T02:01:00");
-            assert!((products.ionosphere_delay_m(&late, &mut skips) - fallback_m).abs() < 1e-9);
+            assert!((products.ionosphere_delay_m(&late, &mut skips) - fallback_m(&late)).abs() < 1e-9);
             let north = sight(70.0, "2020-08-13T01:00:00");
-            assert!((products.ionosphere_delay_m(&north, &mut skips) - fallback_m).abs() < 1e-9);
+            assert!((products.ionosphere_delay_m(&north, &mut skips) - fallback_m(&north)).abs() < 1e-9);
             assert_eq!(skips.total(), 2);
             assert_eq!(skips.count(format!("instant outside the ionosphere maps, {word}")), 1, "{skips}");
             let missing = format!("ionosphere map without a value at the pierce point, {word}");

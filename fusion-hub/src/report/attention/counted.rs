@@ -30,8 +30,8 @@ const SHARES: [Share; 5] = [
         reasons: &[Reason::NoIonosphereModel, Reason::OutsideIonosphereMaps, Reason::IonosphereMapEmpty],
         left_out: false,
         limits: (0.0, 0.1),
-        kind: "ionosphere-not-corrected",
-        text: "the ionosphere is not corrected, which costs metres (observations)",
+        kind: "ionosphere-nominal",
+        text: "the ionosphere is corrected by nominal values, which costs metres (observations)",
         advice: "Name a navigation file with Klobuchar terms in its header, or an IONEX map of the day, or ionosphere = \"pair\" for phones with two bands",
     },
     Share {

@@ -145,10 +145,10 @@ fn each_fault_is_found_by_itself() {
             r.constraints.values_mut().for_each(|c| c.acted = 0);
         }),
         ("no-constraint", Severity::Note, "no constraint", |r| r.constraints.clear()),
-        ("ionosphere-not-corrected", Severity::Wrong, "a 100 %", |r| {
+        ("ionosphere-nominal", Severity::Wrong, "a 100 %", |r| {
             of_a(r).skips = skips(Reason::NoIonosphereModel, 2_010);
         }),
-        ("ionosphere-not-corrected", Severity::Worse, "a 0.5 %", |r| {
+        ("ionosphere-nominal", Severity::Worse, "a 0.5 %", |r| {
             of_a(r).skips = skips(Reason::OutsideIonosphereMaps, 10);
         }),
         ("same-observations", Severity::Wrong, "a and b have the same observations (100 epochs)", |r| {
