@@ -1,5 +1,8 @@
 //! Joint estimator of the hub: its input are aligned epochs, its output fused and constrained epochs. No I/O.
 
+use std::borrow::Cow;
+
+use super::biased::BiasedSatellites;
 use super::doubt::{Doubt, Excess};
 use super::group::{Filters, GroupState};
 use crate::constraint::second::carry;
@@ -9,7 +12,8 @@ use crate::constraint::{
 };
 use crate::filter::{FilterOptions, PhoneState, UpdateReport};
 use crate::integrity::{Cause, Verdict};
-use crate::skips::Skips;
+use crate::measurement::CorrectedObservation;
+use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
@@ -25,7 +29,7 @@ pub struct ScheduledConstraint {
 }
 
 /// Options of the engine.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct EngineOptions {
     /// Options of the joint filter.
     pub filter: FilterOptions,
@@ -35,12 +39,31 @@ pub struct EngineOptions {
     /// epoch, a quantity near its bound is biased inwards, and a wrong bound spoils the state. Without feedback every phone has a filter
     /// that no constraint touches, and constraints act on the output.
     pub feedback: bool,
+    /// Limit, in standard deviations, of the averaged residual of a satellite that all phones contradict; see the module `biased`. Infinite: no
+    /// satellite is left out.
+    pub biased_sigmas: f64,
+}
+
+impl Default for EngineOptions {
+    fn default() -> Self {
+        Self {
+            filter: FilterOptions::default(),
+            constraints: ConstraintOptions::default(),
+            feedback: false,
+            biased_sigmas: 3.5,
+        }
+    }
 }
 
 impl EngineOptions {
     /// Options of filter and constraints as in Peng 2023.
     pub fn peng2023() -> Self {
-        Self { filter: FilterOptions::peng2023(), constraints: ConstraintOptions::peng2023(), feedback: true }
+        Self {
+            filter: FilterOptions::peng2023(),
+            constraints: ConstraintOptions::peng2023(),
+            feedback: true,
+            biased_sigmas: f64::INFINITY,
+        }
     }
 }
 
@@ -94,6 +117,7 @@ pub struct Engine {
     constraints: Vec<ScheduledConstraint>,
     options: EngineOptions,
     filters: Filters,
+    biased: BiasedSatellites,
     /// One per constraint.
     excesses: Vec<Excess>,
     /// Time of the last fused epoch.
@@ -107,7 +131,8 @@ impl Engine {
         let filters = Filters::new(phones.len(), &options);
         let (phones, time_gps, skips) = (phones.to_vec(), GpsTime::default(), Skips::default());
         let excesses = vec![Excess::default(); constraints.len()];
-        Self { phones, constraints, options, filters, excesses, time_gps, skips }
+        let biased = BiasedSatellites::new(options.biased_sigmas);
+        Self { phones, constraints, options, filters, biased, excesses, time_gps, skips }
     }
 
     /// Fuses the messages of one aligned epoch, at most one per phone. Each message updates its phone's filter at its own receive time;
@@ -119,10 +144,14 @@ impl Engine {
             .filter_map(|(phone, message)| message.as_ref().map(|m| (m.time_gps, phone)))
             .collect();
         order.sort_unstable();
+        if let Some((time_gps, _)) = order.last() {
+            self.biased.take(*time_gps, messages.iter().flatten());
+        }
         let mut updates = vec![None; messages.len()];
         for (_, phone) in &order {
             if let Some((Some(message), update)) = messages.get(*phone).zip(updates.get_mut(*phone)) {
-                *update = self.filters.admit(*phone, message, &self.phones, &mut self.skips);
+                let trusted = trusted(message, &self.biased, &mut self.skips);
+                *update = self.filters.admit(*phone, &trusted, &self.phones, &mut self.skips);
             }
         }
         if let Some((time_gps, _)) = order.last() {
@@ -287,6 +316,24 @@ impl Engine {
             maximum_m,
         })
     }
+}
+
+/// A message without the satellites that all phones contradict, which are counted.
+fn trusted<'a>(
+    message: &'a EpochMessage,
+    biased: &BiasedSatellites,
+    skips: &mut Skips,
+) -> Cow<'a, EpochMessage> {
+    let is_left_out = |observation: &CorrectedObservation| biased.is_left_out(observation.satellite);
+    let Some(first) = message.observations.iter().find(|observation| is_left_out(observation)) else {
+        return Cow::Borrowed(message);
+    };
+    skips.add(Reason::SatelliteContradictedByAll, || {
+        format!("{} of {} at {}", first.satellite, message.phone, message.time_gps)
+    });
+    let mut trusted = message.clone();
+    trusted.observations.retain(|observation| !is_left_out(observation));
+    Cow::Owned(trusted)
 }
 
 /// The verdict on a fused position: the phone's own, unless its measurements doubt a constraint on it.

@@ -62,6 +62,7 @@ impl Settings {
             filter: self.filter.options(),
             constraints: self.constraints.options(),
             feedback: self.constraints.feedback,
+            biased_sigmas: self.integrity.biased_satellite_sigmas,
         }
     }
 
@@ -122,7 +123,7 @@ impl Settings {
                 code: CodeVariance::of(stochastic.code),
                 rate: RateVariance::of(stochastic.rate),
             },
-            integrity: IntegritySettings::of(&pipeline.raim),
+            integrity: IntegritySettings::of(&pipeline.raim, engine.biased_sigmas),
             filter: FilterSettings::of(&engine.filter),
             constraints: ConstraintSettings::of(&engine.constraints, engine.feedback),
             alignment: AlignmentSettings::of(AlignOptions::default()),
@@ -223,13 +224,14 @@ impl RateVariance {
 }
 
 impl IntegritySettings {
-    fn of(options: &RaimOptions) -> Self {
+    fn of(options: &RaimOptions, biased_satellite_sigmas: f64) -> Self {
         let DopLimits { pdop, hdop, vdop } = options.dop_limits;
         Self {
             global_false_alarm: options.global.false_alarm_probability(),
             local_false_alarm: options.local_false_alarm,
             separability: options.separability,
             maximum_exclusions: u32::try_from(options.maximum_exclusions).unwrap_or(u32::MAX),
+            biased_satellite_sigmas,
             maximum_pdop: pdop,
             maximum_hdop: hdop,
             maximum_vdop: vdop,

@@ -218,6 +218,8 @@ tables! {
         separability: f64 = ["no unit", 0.0..=1.0];
         /// Largest number of measurements that are excluded from one epoch.
         maximum_exclusions: u32 = ["measurements", 0..=1000];
+        /// The hub leaves out a satellite whose residuals, averaged over all phones and a minute, exceed this; inf leaves none out.
+        biased_satellite_sigmas: f64 = ["standard deviations", 1.0..=f64::INFINITY];
         /// PDOP up to which a position is called reliable.
         maximum_pdop: f64 = ["no unit", 1.0..=f64::INFINITY];
         /// HDOP up to which a position is called reliable.

@@ -294,6 +294,7 @@ reasons! {
     SignalTwice: "signal twice in one epoch",
     SignalTwiceNotRecorded: "signal twice in one epoch: second not recorded",
     SignalWithoutValue: "signal without any value",
+    SatelliteContradictedByAll: "epoch of a phone without a satellite that all phones contradict",
     SilentPhoneDropped: "silent phone dropped from the filter",
     BiasSlope: "slope of a bias, taken as zero",
     SourceBroughtNothing: "source brought neither an ephemeris nor an epoch of a base",
