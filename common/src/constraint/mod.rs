@@ -14,9 +14,12 @@
 //! |---|---|
 //! | [`options`] | method, enlargement, gates; the presets |
 //! | [`kinds`] | one file per kind of constraint: bounds, value, rows, gate, words, written form |
-//! | [`rows`] | sparse rows and their intervals |
+//! | [`rows`] | vectors that are linear in the state, rows and their intervals |
+//! | [`prior`] | the distribution before constraints: one joint state, or independent phones |
 //! | [`truncation`] | one interval and one scalar, with the enlargement of Algorithm 1 |
 //! | [`engine`] | several constraints on one state: one by one, or by expectation propagation |
+//! | [`separate`] | several constraints on independent phones, by components |
+//! | [`second`] | the covariance that is stated, through the same constraints |
 //!
 //! Approximations: a distance is truncated along lines, not as a ball, so its spread across the line is bounded only by a box (see
 //! [`options::DistanceModel`]). The result is a Gaussian with the moments of a distribution that is not Gaussian. A constraint must not
@@ -24,18 +27,23 @@
 
 pub mod engine;
 pub mod kinds;
+mod local;
 pub mod options;
+pub mod prior;
 pub mod rows;
 pub mod second;
+pub mod separate;
 mod sites;
 mod task;
 pub mod truncation;
 
 use serde::{Deserialize, Serialize};
 
-pub use engine::{Constrained, apply, constrain};
-pub use kinds::{ConstrainedState, Constraint, Distance, Heading, Speed, VerticalVelocity};
+pub use engine::constrain;
+pub use kinds::{Constraint, Distance, Heading, Quantity, Speed, VerticalVelocity};
 pub use options::{ConstraintOptions, DistanceModel, HeadingGate, Method};
+pub use prior::{FreePhone, Prior};
+pub use separate::{Separated, constrain_separately};
 pub use task::excess_sigmas;
 pub use truncation::Enlargement;
 

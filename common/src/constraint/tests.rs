@@ -2,10 +2,9 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::kinds::ConstrainedState;
-use super::rows::{BoundedRow, Rows};
+use super::rows::{BoundedRow, Rows, part, position};
 use super::truncation::{Gaussian, Interval, truncate};
 use super::*;
 use crate::filter::STATES_PER_PHONE;
@@ -40,10 +39,16 @@ fn distance(minimum_m: f64, maximum_m: f64) -> Constraint {
     Constraint::Distance(Distance { phones: [0, 1], minimum_m, maximum_m })
 }
 
+/// The vector of a constraint in a state.
+fn vector_at(constraint: Constraint, state: &DVector<f64>, horizon_s: f64) -> Vector3<f64> {
+    constraint.kind().terms(horizon_s).sum(|phone, which| part(state, phone, which)).unwrap()
+}
+
 /// Rows of a constraint at a state without uncertainty.
 fn rows_at(constraint: Constraint, state: &DVector<f64>, options: &ConstraintOptions) -> Rows {
-    let covariance = DMatrix::zeros(state.len(), state.len());
-    constraint.kind().rows(&ConstrainedState { state, covariance: &covariance, options }).unwrap()
+    let mean = vector_at(constraint, state, options.horizon_s);
+    let frame = LocalFrame::at(position(state, constraint.phones()[0]).unwrap());
+    constraint.kind().rows(&Quantity { mean, covariance: Matrix3::zeros(), frame: &frame, options }).unwrap()
 }
 
 fn fixed_sequential() -> ConstraintOptions {
@@ -167,15 +172,16 @@ fn a_constraint_is_not_applied_twice() {
     assert!((&once.0 - &many.0).amax() < 1e-8 && (&once.1 - &many.1).amax() < 1e-8);
 
     // The single truncation agrees with the textbook.
-    let row = rows_at(constraints[0], &once.0, &ConstraintOptions::default())[0].unwrap().row;
+    let row = rows_at(constraints[0], &once.0, &ConstraintOptions::default())[0].unwrap();
+    let row = dense(constraints[0], &row, 9, 0.0);
     let expected = truncate(
         Gaussian { mean: 0.5, variance: 0.25 },
         Interval { lower: -0.3, upper: 0.3 },
         Enlargement::Fixed,
     );
     let expected = expected.unwrap().moments;
-    assert!((row.times(&once.0) - expected.mean).abs() < 1e-9);
-    assert!((row.variance(&once.1) - expected.variance).abs() < 1e-9);
+    assert!((row.dot(&once.0) - expected.mean).abs() < 1e-9);
+    assert!((row.dot(&(&once.1 * &row)) - expected.variance).abs() < 1e-9);
 }
 
 #[test]
@@ -415,10 +421,12 @@ fn differences(constraint: &Constraint, at: &DVector<f64>, horizon_s: f64, step:
     })
 }
 
-fn dense(bounded: &BoundedRow, elements: usize) -> DVector<f64> {
+/// A row as a direction in the space of the state.
+fn dense(constraint: Constraint, bounded: &BoundedRow, elements: usize, horizon_s: f64) -> DVector<f64> {
     let mut row = DVector::zeros(elements);
-    for (offset, value) in bounded.row.iter() {
-        row[offset] += value;
+    for term in constraint.kind().terms(horizon_s).iter() {
+        let mut part = row.fixed_rows_mut::<3>(STATES_PER_PHONE * term.phone + term.part.offset());
+        part += bounded.axis * term.factor;
     }
     row
 }
@@ -427,22 +435,22 @@ fn dense(bounded: &BoundedRow, elements: usize) -> DVector<f64> {
 fn distance_rows_are_the_jacobian() {
     let at = state(&[([1.0, -2.0, 0.5], [1.0, 2.0, 3.0]), ([30.0, 44.0, -7.0], [0.0; 3])]);
     let bounded = Distance { phones: [0, 1], minimum_m: 1.0, maximum_m: 5.0 };
-    let direction = bounded.difference(&at).unwrap().normalize();
-    let certain = DMatrix::zeros(18, 18);
+    let vector = vector_at(bounded.into(), &at, 0.0);
+    let direction = vector.normalize();
     for distance_model in [DistanceModel::Radial, DistanceModel::Box] {
         let options = ConstraintOptions { distance_model, ..ConstraintOptions::default() };
         let row = rows_at(bounded.into(), &at, &options)[0].unwrap();
         let numeric = differences(&distance(1.0, 5.0), &at, 0.0, 1e-2);
-        assert!((dense(&row, 18) - numeric).amax() < 1e-6);
-        assert!((row.row.at(&at) - distance(1.0, 5.0).value(&at, 0.0).unwrap()).abs() < 1e-8);
+        assert!((dense(bounded.into(), &row, 18, 0.0) - numeric).amax() < 1e-6);
+        assert!((row.at(&vector) - distance(1.0, 5.0).value(&at, 0.0).unwrap()).abs() < 1e-8);
     }
     // The axes across are orthogonal to the direction and to each other, also near the pole.
     for direction in [direction, Vector3::z(), Vector3::new(1e-9, 0.0, -1.0).normalize()] {
-        let rows = bounded.linearised(&direction, &certain, DistanceModel::Box);
-        let rows = rows.map(|row| dense(&row.unwrap(), 18));
+        let rows = bounded.linearised(&direction, &Matrix3::zeros(), DistanceModel::Box);
+        let rows = rows.map(|row| row.unwrap().axis);
         for i in 0..3 {
             for j in 0..3 {
-                let product = rows[i].rows(0, 3).dot(&rows[j].rows(0, 3));
+                let product = rows[i].dot(&rows[j]);
                 assert!((product - if i == j { 1.0 } else { 0.0 }).abs() < 1e-6);
             }
         }
@@ -459,7 +467,7 @@ fn vertical_velocity_rows_are_the_jacobian() {
         let row = rows_at(constraint, &at, &options)[0].unwrap();
         let numeric = differences(&constraint, &at, horizon_s, 1e-2);
         // The rows neglect horizontal speed over the Earth's radius: 10 m/s / 6.4e6 m.
-        assert!((dense(&row, 18) - numeric).amax() < 2e-6);
+        assert!((dense(constraint, &row, 18, horizon_s) - numeric).amax() < 2e-6);
     }
 }
 
@@ -477,9 +485,10 @@ fn speed_rows_are_the_jacobian() {
         let row = rows[0].unwrap();
         let numeric = differences(&speed(1.0, 9.0), &at, horizon_s, 1e-2);
         // The rows neglect vertical speed over the Earth's radius.
-        assert!((dense(&row, 9) - numeric).amax() < 2e-6);
+        assert!((dense(speed(1.0, 9.0), &row, 9, horizon_s) - numeric).amax() < 2e-6);
         let value = speed(1.0, 9.0).value(&at, horizon_s).unwrap();
-        assert!((row.row.at(&at) - value).abs() < 1e-8 && rows[1].is_none(), "{value}");
+        let vector = vector_at(speed(1.0, 9.0), &at, horizon_s);
+        assert!((row.at(&vector) - value).abs() < 1e-8 && rows[1].is_none(), "{value}");
         assert!((horizon_s > 0.0 || (value - 5.0).abs() < 1e-5) && row.interval.lower == 1.0);
     }
 }
@@ -538,11 +547,12 @@ fn heading_rows_have_the_derivative_of_the_course_at_their_edge() {
             Constraint::Heading(Heading { phone: 0, course_rad: course, tolerance_rad: tolerance });
         let rows = rows_at(constraint, &at, &ConstraintOptions::default());
         let row = rows[index].unwrap();
-        assert!(row.row.times(&at).abs() < 1e-5, "{}", row.row.times(&at));
+        let vector = vector_at(constraint, &at, 0.0);
+        assert!(row.at(&vector).abs() < 1e-5, "{}", row.at(&vector));
         let numeric = differences(&constraint, &at, 0.0, 1e-3) * (side * speed);
-        assert!((dense(&row, 9) - numeric).rows(3, 3).amax() < 1e-6);
+        assert!((dense(constraint, &row, 9, 0.0) - numeric).rows(3, 3).amax() < 1e-6);
         // A velocity in the phone's direction is within the first half-plane.
-        assert!(rows[0].unwrap().row.times(&at) < 0.0);
+        assert!(rows[0].unwrap().at(&vector) < 0.0);
     }
 }
 

@@ -13,7 +13,7 @@
 //! Joseph form, at a cost linear in the number of shared states. The variances of s are those of its stationary Gauss-Markov process and
 //! never shrink.
 
-use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::atmosphere::scale_from_l1;
@@ -91,8 +91,8 @@ pub(super) struct Block<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Consider {
     options: SharedErrors,
-    /// Satellite of each column after the ionosphere's.
-    satellites: Vec<SatelliteId>,
+    /// The satellites with their columns, in the order of satellites.
+    sorted: Vec<(SatelliteId, usize)>,
     /// Variances of the shared states.
     variances: Vec<f64>,
     /// C, a row for each state and a column for each shared state.
@@ -106,7 +106,7 @@ impl Consider {
         let shares = [options.ionosphere_share, options.gradient_share, options.gradient_share];
         Self {
             options,
-            satellites: Vec::new(),
+            sorted: Vec::new(),
             variances: shares.iter().map(|share| share * share).collect(),
             cross: DMatrix::zeros(0, IONOSPHERE_STATES),
             covariance: DMatrix::zeros(0, 0),
@@ -122,17 +122,16 @@ impl Consider {
     pub fn sensitivity(&mut self, observation: &CorrectedObservation) -> Sensitivity {
         let stated_m = self.options.satellite_share * observation.shared.satellite_sigma_m;
         let sigma_m = stated_m.max(self.options.satellite_sigma_m);
-        let known = self.satellites.iter().position(|satellite| *satellite == observation.satellite);
-        let satellite = known.map_or_else(
-            || {
-                self.satellites.push(observation.satellite);
+        let known = self.sorted.binary_search_by_key(&observation.satellite, |(satellite, _)| *satellite);
+        let satellite = match known {
+            Ok(place) => self.sorted[place].1,
+            Err(place) => {
+                self.sorted.insert(place, (observation.satellite, self.variances.len()));
                 self.variances.push(0.0);
-                let states = self.cross.nrows();
-                self.cross.resize_mut(states, self.variances.len(), 0.0);
+                self.cross.resize_horizontally_mut(self.variances.len(), 0.0);
                 self.variances.len() - 1
-            },
-            |place| place + IONOSPHERE_STATES,
-        );
+            }
+        };
         self.variances[satellite] = self.variances[satellite].max(sigma_m * sigma_m);
         Sensitivity { satellite, ionosphere: ionosphere(observation) }
     }
@@ -206,26 +205,30 @@ impl Consider {
         self.cross.gemm(-1.0, gain, &output, 1.0);
     }
 
-    /// Covariance of the errors of states of this filter with those of another, through the shared states: C₁ Pₛ⁻¹ C₂ᵀ for nine states
-    /// each.
-    pub fn between(&self, at: usize, other: &Self, other_at: usize) -> SMatrix<f64, 9, 9> {
-        let mut covariance = SMatrix::<f64, 9, 9>::zeros();
+    /// Covariance of the errors of states of this filter with those of another, through the shared states: C₁ Pₛ⁻¹ C₂ᵀ for N states each.
+    pub fn between<const N: usize>(&self, at: usize, other: &Self, other_at: usize) -> SMatrix<f64, N, N> {
+        let mut covariance = SMatrix::<f64, N, N>::zeros();
         let mut add = |column: usize, other_column: usize| {
             let variance = self.variances[column].max(other.variances[other_column]);
             if variance > 0.0 {
-                let mine: SVector<f64, 9> = self.cross.fixed_view::<9, 1>(at, column).into_owned();
-                let theirs: SVector<f64, 9> =
-                    other.cross.fixed_view::<9, 1>(other_at, other_column).into_owned();
-                covariance.ger(1.0 / variance, &mine, &theirs, 1.0);
+                let mine = self.cross.fixed_view::<N, 1>(at, column) / variance;
+                let theirs = other.cross.fixed_view::<N, 1>(other_at, other_column);
+                for (mut sums, factor) in covariance.column_iter_mut().zip(theirs.iter()) {
+                    sums += mine * *factor;
+                }
             }
         };
         for column in 0..IONOSPHERE_STATES {
             add(column, column);
         }
-        for (place, satellite) in self.satellites.iter().enumerate() {
-            if let Some(theirs) = other.satellites.iter().position(|other| other == satellite) {
-                add(place + IONOSPHERE_STATES, theirs + IONOSPHERE_STATES);
+        let (mut mine, mut theirs) = (self.sorted.iter().peekable(), other.sorted.iter().peekable());
+        while let (Some((one, column)), Some((two, other_column))) = (mine.peek(), theirs.peek()) {
+            if one == two {
+                add(*column, *other_column);
             }
+            let order = one.cmp(two);
+            mine.next_if(|_| order.is_le());
+            theirs.next_if(|_| order.is_ge());
         }
         covariance
     }

@@ -354,6 +354,15 @@ impl JointFilter {
         })
     }
 
+    /// Covariance of the kinematic states of one phone that decides the gains.
+    pub(crate) fn gain_covariance(
+        &self,
+        slot: usize,
+    ) -> Option<SMatrix<f64, STATES_PER_PHONE, STATES_PER_PHONE>> {
+        let at = self.slots.get(slot)?.at;
+        Some(self.covariance.fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at).into_owned())
+    }
+
     /// The covariance that is stated: the second one, if there are shared errors.
     pub(super) fn stated(&self) -> &DMatrix<f64> {
         self.consider.as_ref().map_or(&self.covariance, |consider| &consider.covariance)
@@ -365,7 +374,8 @@ impl JointFilter {
     }
 
     /// Covariance of the first phone's errors with those of another filter's first phone, through the errors that they share.
-    pub(crate) fn shared_with(&self, other: &Self) -> SMatrix<f64, STATES_PER_PHONE, STATES_PER_PHONE> {
+    /// The first N states of each.
+    pub(crate) fn shared_with<const N: usize>(&self, other: &Self) -> SMatrix<f64, N, N> {
         let both = self.consider.as_ref().zip(other.consider.as_ref());
         both.map_or_else(SMatrix::zeros, |(mine, theirs)| mine.between(0, theirs, 0))
     }

@@ -4,11 +4,11 @@ use std::borrow::Cow;
 
 use super::biased::BiasedSatellites;
 use super::doubt::{Doubt, Excess};
-use super::group::{Filters, GroupState};
+use super::group::{Filters, FreeGroup, Output, Slots};
 use crate::constraint::second::carry;
 use crate::constraint::{
-    Constrained, ConstrainedState, Constraint, ConstraintAction, ConstraintOptions, ConstraintOutcome,
-    Distance, SkipReason, apply, excess_sigmas,
+    Constraint, ConstraintAction, ConstraintOptions, ConstraintOutcome, Distance, SkipReason, constrain,
+    constrain_separately, excess_sigmas,
 };
 use crate::filter::{FilterOptions, PhoneState, UpdateReport};
 use crate::integrity::{Cause, Verdict};
@@ -159,20 +159,18 @@ impl Engine {
         }
         self.filters.predict(self.time_gps, &self.phones, &mut self.skips);
         let free = self.filters.free();
-        let mut group = self.filters.prior().unwrap_or_else(|| free.clone());
         let doubts = self.doubts(&free);
-        let actions = self.constrain(&mut group, &doubts);
-        let doubted = self.doubted(&group, &doubts);
-        self.filters.go_on_with(&group);
-        let distances = self.distances(&group);
+        let (slots, output, actions) = self.constrained(&free, &doubts);
+        let doubted = self.doubted(&slots, &doubts);
+        let distances = self.distances(&slots, &output);
         let phones = messages
             .into_iter()
             .enumerate()
             .map(|(phone, message)| FusedPhone {
-                verdict: message.as_ref().map(|message| verdict(message, doubted.contains(&phone))),
+                verdict: message.as_ref().map(|message| verdict(message, doubted[phone])),
                 message,
-                state: group.slot(phone).and_then(|slot| group.state(slot)),
-                free: free.slot(phone).and_then(|slot| free.state(slot)),
+                state: slots.of(phone).and_then(|slot| output.states.get(slot).cloned()),
+                free: free.slots().of(phone).and_then(|slot| free.state(slot)),
                 update: updates.get(phone).copied().flatten(),
             })
             .collect();
@@ -202,16 +200,16 @@ impl Engine {
     }
 
     /// The valid constraints whose phones are all present: index in [`Self::constraints`] and constraint with phones by slot.
-    fn in_force<'a>(&'a self, group: &'a GroupState) -> impl Iterator<Item = (usize, Constraint)> + 'a {
+    fn in_force<'a>(&'a self, slots: &'a Slots) -> impl Iterator<Item = (usize, Constraint)> + 'a {
         self.constraints
             .iter()
             .enumerate()
             .filter(|(_, scheduled)| self.is_valid(scheduled))
-            .filter_map(|(place, c)| Some((place, c.constraint.mapped(|phone| group.slot(phone))?)))
+            .filter_map(|(place, c)| Some((place, c.constraint.mapped(|phone| slots.of(phone))?)))
     }
 
     /// What the free distribution says of each constraint, by its place.
-    fn doubts(&mut self, free: &GroupState) -> Vec<(f64, Doubt)> {
+    fn doubts(&mut self, free: &FreeGroup) -> Vec<(f64, Doubt)> {
         let limit = self.options.constraints.contradiction_sigmas;
         let sigmas: Vec<f64> =
             (0..self.constraints.len()).map(|place| self.free_sigmas(place, free)).collect();
@@ -219,61 +217,78 @@ impl Engine {
         taken.map(|(excess, sigmas)| (sigmas, excess.take(sigmas, self.time_gps, limit))).collect()
     }
 
-    /// Applies the constraints in force that are not contradicted.
-    fn constrain(&self, group: &mut GroupState, doubts: &[(f64, Doubt)]) -> Vec<ConstraintAction> {
-        let (mut places, mut on_slots, mut contradicted) = (Vec::new(), Vec::new(), Vec::new());
-        for (place, constraint) in self.in_force(group) {
+    /// Applies the constraints in force that are not contradicted to the joint filter, if there is one, and else to the phones' own.
+    fn constrained(
+        &mut self,
+        free: &FreeGroup,
+        doubts: &[(f64, Doubt)],
+    ) -> (Slots, Output, Vec<ConstraintAction>) {
+        let options = &self.options.constraints;
+        let obedient = ConstraintOptions { contradiction_sigmas: f64::INFINITY, ..*options };
+        if let Some(mut joint) = self.filters.joint() {
+            let chosen = self.chosen(&joint.slots, doubts, |c| c.value(&joint.mean, options.horizon_s));
+            let actions = constrain(&mut joint.mean, &mut joint.covariance, &chosen.on_slots, &obedient);
+            let output = joint.output(&self.pairs(&joint.slots));
+            let actions = self.named(actions, chosen);
+            self.filters.go_on_with(&joint);
+            return (joint.slots, output, actions);
+        }
+        let value = |c: &Constraint| c.value_among(&free.phones, options.horizon_s);
+        let chosen = self.chosen(free.slots(), doubts, value);
+        let pairs = self.pairs(free.slots());
+        let separated = constrain_separately(&free.phones, &chosen.on_slots, &pairs, &obedient);
+        let stated = carry(&separated, &free.stated, &self.filters.shared(), &pairs);
+        let states = separated.means.iter().zip(stated.own);
+        let states = states.map(|(mean, covariance)| PhoneState { mean: *mean, covariance }).collect();
+        let actions = self.named(separated.actions, chosen);
+        (free.slots().clone(), Output { states, pairs: stated.pairs }, actions)
+    }
+
+    /// The constraints in force that are not contradicted, and reports on those that are.
+    fn chosen(
+        &self,
+        slots: &Slots,
+        doubts: &[(f64, Doubt)],
+        value: impl Fn(&Constraint) -> Option<f64>,
+    ) -> Chosen {
+        let mut chosen = Chosen::default();
+        for (place, constraint) in self.in_force(slots) {
             let Some((sigmas, doubt)) = doubts.get(place) else { continue };
             if *doubt == Doubt::Contradicted {
-                contradicted.extend(self.contradiction(place, constraint, *sigmas, group));
+                let value = value(&constraint).unwrap_or(f64::NAN);
+                chosen.contradicted.extend(self.contradiction(place, *sigmas, value));
             } else {
-                places.push((place, *sigmas));
-                on_slots.push(constraint);
+                chosen.places.push((place, *sigmas));
+                chosen.on_slots.push(constraint);
             }
         }
-        if on_slots.is_empty() {
-            return contradicted;
-        }
-        let before = group.second.as_ref().map(|_| group.covariance.clone());
-        let obedient = ConstraintOptions { contradiction_sigmas: f64::INFINITY, ..self.options.constraints };
-        let Constrained { actions, applied } =
-            apply(&mut group.mean, &mut group.covariance, &on_slots, &obedient);
-        if let Some((second, before)) = group.second.as_mut().zip(before) {
-            carry(&before, &applied, second);
-        }
+        chosen
+    }
+
+    /// Reports in the order of the constraints. Outside the engine phones and constraints are identified by their index in the group.
+    fn named(&self, actions: Vec<ConstraintAction>, chosen: Chosen) -> Vec<ConstraintAction> {
         let named = |action: ConstraintAction| {
-            // Outside the engine phones and constraints are identified by their index in the group.
-            let (index, free_sigmas) = *places.get(action.index)?;
+            let (index, free_sigmas) = *chosen.places.get(action.index)?;
             let constraint = self.constraints.get(index)?.constraint;
             Some(ConstraintAction { index, constraint, free_sigmas, ..action })
         };
         let mut all: Vec<ConstraintAction> =
-            actions.into_iter().filter_map(named).chain(contradicted).collect();
+            actions.into_iter().filter_map(named).chain(chosen.contradicted).collect();
         all.sort_by_key(|action| action.index);
         all
     }
 
     /// Excess of the free distribution over a valid constraint, in standard deviations of that distribution.
-    fn free_sigmas(&self, place: usize, free: &GroupState) -> f64 {
+    fn free_sigmas(&self, place: usize, free: &FreeGroup) -> f64 {
         let scheduled = self.constraints.get(place).filter(|scheduled| self.is_valid(scheduled));
-        let constraint = scheduled.map(|scheduled| scheduled.constraint);
-        let on_slots = constraint.and_then(|constraint| constraint.mapped(|phone| free.slot(phone)));
+        let on_slots =
+            scheduled.and_then(|scheduled| scheduled.constraint.mapped(|phone| free.slots().of(phone)));
         let options = &self.options.constraints;
-        on_slots.map_or(0.0, |on_slots| {
-            let at = ConstrainedState { state: &free.mean, covariance: &free.covariance, options };
-            excess_sigmas(&on_slots, &at)
-        })
+        on_slots.map_or(0.0, |on_slots| excess_sigmas(&on_slots, free.phones.as_slice(), options))
     }
 
     /// The report on a constraint that is not applied because the free distribution contradicts it.
-    fn contradiction(
-        &self,
-        index: usize,
-        on_slots: Constraint,
-        free_sigmas: f64,
-        group: &GroupState,
-    ) -> Option<ConstraintAction> {
-        let value = on_slots.value(&group.mean, self.options.constraints.horizon_s).unwrap_or(f64::NAN);
+    fn contradiction(&self, index: usize, free_sigmas: f64, value: f64) -> Option<ConstraintAction> {
         Some(ConstraintAction {
             index,
             constraint: self.constraints.get(index)?.constraint,
@@ -286,36 +301,58 @@ impl Engine {
         })
     }
 
-    /// The phones of constraints in force that are at least doubted.
-    fn doubted(&self, group: &GroupState, doubts: &[(f64, Doubt)]) -> Vec<usize> {
-        let is_doubted = |(place, _): &(usize, Constraint)| {
-            doubts.get(*place).is_some_and(|(_, doubt)| *doubt >= Doubt::Doubted)
-        };
-        self.in_force(group)
-            .filter(is_doubted)
-            .filter_map(|(place, _)| self.constraints.get(place))
-            .flat_map(|scheduled| scheduled.constraint.phones().to_vec())
-            .collect()
+    /// Whether each phone is under a constraint in force that is at least doubted.
+    fn doubted(&self, slots: &Slots, doubts: &[(f64, Doubt)]) -> Vec<bool> {
+        let mut doubted = vec![false; self.phones.len()];
+        for (place, _) in self.in_force(slots) {
+            if doubts.get(place).is_some_and(|(_, doubt)| *doubt >= Doubt::Doubted) {
+                for phone in self.constraints[place].constraint.phones() {
+                    doubted[*phone] = true;
+                }
+            }
+        }
+        doubted
     }
 
-    fn distances(&self, group: &GroupState) -> Vec<PairDistance> {
-        self.in_force(group).filter_map(|(place, on_slots)| self.distance(group, place, on_slots)).collect()
-    }
-
-    fn distance(&self, group: &GroupState, place: usize, on_slots: Constraint) -> Option<PairDistance> {
-        let Constraint::Distance(Distance { phones: [a, b], minimum_m, maximum_m }) = on_slots else {
-            return None;
-        };
-        let &[first, second] = self.constraints.get(place)?.constraint.phones() else { return None };
-        let (at, bt) = (group.state(a)?, group.state(b)?);
-        Some(PairDistance {
-            phones: (first, second),
-            distance_m: at.position().distance_m(bt.position()),
-            sigma_m: group.distance_sigma_m(a, b)?,
-            minimum_m,
-            maximum_m,
+    /// The distance constraints in force: place in [`Self::constraints`], and constraint with phones by slot.
+    fn distances_in_force<'a>(&'a self, slots: &'a Slots) -> impl Iterator<Item = (usize, Distance)> + 'a {
+        self.in_force(slots).filter_map(|(place, constraint)| match constraint {
+            Constraint::Distance(distance) => Some((place, distance)),
+            _ => None,
         })
     }
+
+    /// The pairs under a distance constraint, by slot.
+    fn pairs(&self, slots: &Slots) -> Vec<(usize, usize)> {
+        self.distances_in_force(slots).map(|(_, Distance { phones: [a, b], .. })| (a, b)).collect()
+    }
+
+    fn distances(&self, slots: &Slots, output: &Output) -> Vec<PairDistance> {
+        let distance = |((place, distance), between): ((usize, Distance), &_)| {
+            let Distance { phones: [a, b], minimum_m, maximum_m } = distance;
+            let &[first, second] = self.constraints.get(place)?.constraint.phones() else { return None };
+            let (at, bt) = (output.states.get(a)?, output.states.get(b)?);
+            Some(PairDistance {
+                phones: (first, second),
+                distance_m: at.position().distance_m(bt.position()),
+                sigma_m: output.distance_sigma_m((a, b), between)?,
+                minimum_m,
+                maximum_m,
+            })
+        };
+        self.distances_in_force(slots).zip(&output.pairs).filter_map(distance).collect()
+    }
+}
+
+/// Constraints of one epoch.
+#[derive(Default)]
+struct Chosen {
+    /// Constraints with phones by slot.
+    on_slots: Vec<Constraint>,
+    /// Their places in [`Engine::constraints`], and the excess of the free distribution over them in its standard deviations.
+    places: Vec<(usize, f64)>,
+    /// Reports on constraints that are not applied.
+    contradicted: Vec<ConstraintAction>,
 }
 
 /// A message without the satellites that all phones contradict, which are counted.

@@ -1,13 +1,15 @@
-//! The filters of a group, and the joint distribution of its phones at one time.
+//! The filters of a group, and the distribution of its phones at one time.
 //!
 //! Every phone has a filter of its own, which no constraint touches. So a wrong constraint never spoils a state, and a constraint that holds
 //! all the time is one piece of information, whatever the phones' rates. The filters' errors are dependent through the errors that
 //! all phones share (see [`crate::filter::SharedErrors`]). With feedback, as in Peng 2023, a joint filter that goes on with the
 //! constrained state runs beside them.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix};
 
 use super::engine::EngineOptions;
+use crate::constraint::FreePhone;
+use crate::constraint::second::Between;
 use crate::filter::{JointFilter, PhoneState, STATES_PER_PHONE, Start, UpdateReport};
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
@@ -21,16 +23,35 @@ pub(super) struct Filters {
     fed_back: Option<JointFilter>,
 }
 
-/// Joint distribution of the phones that have a state: nine kinematic states each, in this order.
-#[derive(Clone, Debug)]
-pub(super) struct GroupState {
-    phones: Vec<usize>,
-    pub mean: DVector<f64>,
-    /// The filters' covariance, which decides the gains.
-    pub covariance: DMatrix<f64>,
-    /// The second covariance, which is stated; `None` where it is the first.
-    pub second: Option<DMatrix<f64>>,
+/// The phones that have a state, each with a filter of its own, without constraints. A phone's place among them is its slot.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FreeGroup {
+    slots: Slots,
+    pub phones: Vec<FreePhone>,
+    /// The covariances that are stated.
+    pub stated: Vec<PhoneMatrix>,
 }
+
+/// Joint distribution of the phones of the filter with feedback: nine kinematic states each, in this order.
+#[derive(Clone, Debug)]
+pub(super) struct JointGroup {
+    pub slots: Slots,
+    pub mean: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+}
+
+/// Slots of the phones that have a state.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Slots(Vec<Option<usize>>);
+
+/// What is given out of a group, by slot.
+pub(super) struct Output {
+    pub states: Vec<PhoneState>,
+    /// Covariances of the positions of pairs, in their order.
+    pub pairs: Vec<Matrix3<f64>>,
+}
+
+type PhoneMatrix = SMatrix<f64, STATES_PER_PHONE, STATES_PER_PHONE>;
 
 impl Filters {
     pub fn new(phones: usize, options: &EngineOptions) -> Self {
@@ -71,82 +92,106 @@ impl Filters {
     }
 
     /// The distribution without constraints.
-    pub fn free(&self) -> GroupState {
-        GroupState::of(&self.free)
+    pub fn free(&self) -> FreeGroup {
+        let mut group = FreeGroup::default();
+        for filter in &self.free {
+            let whole = filter.state(0).zip(filter.gain_covariance(0));
+            group.slots.push(whole.is_some());
+            if let Some((PhoneState { mean, covariance }, gains)) = whole {
+                group.phones.push(FreePhone::new(mean, gains));
+                group.stated.push(covariance);
+            }
+        }
+        group
     }
 
-    /// The distribution that constraints act on.
-    pub fn prior(&self) -> Option<GroupState> {
+    /// Covariances of the errors of different phones of [`Filters::free`].
+    pub fn shared(&self) -> Shared<'_> {
+        Shared(self.free.iter().filter(|filter| !filter.is_empty()).collect())
+    }
+
+    /// With feedback: the distribution that constraints act on.
+    pub fn joint(&self) -> Option<JointGroup> {
         self.fed_back.as_ref().map(|joint| {
-            let phones = joint.phones().collect();
+            let mut slots = Slots(vec![None; self.free.len()]);
+            for (slot, phone) in joint.phones().enumerate() {
+                slots.0[phone] = Some(slot);
+            }
             let (mean, covariance) = joint.kinematic();
-            GroupState { phones, mean, covariance, second: None }
+            JointGroup { slots, mean, covariance }
         })
     }
 
     /// With feedback: the filter goes on with this distribution.
-    pub fn go_on_with(&mut self, constrained: &GroupState) {
+    pub fn go_on_with(&mut self, constrained: &JointGroup) {
         if let Some(joint) = &mut self.fed_back {
             joint.go_on_with(&constrained.mean, &constrained.covariance);
         }
     }
 }
 
-impl GroupState {
-    fn of(filters: &[JointFilter]) -> Self {
-        let present: Vec<&JointFilter> = filters.iter().filter(|filter| !filter.is_empty()).collect();
-        let n = STATES_PER_PHONE * present.len();
-        let (mut mean, mut covariance, mut second) =
-            (DVector::zeros(n), DMatrix::zeros(n, n), DMatrix::zeros(n, n));
-        for (slot, filter) in present.iter().enumerate() {
-            let at = STATES_PER_PHONE * slot;
-            let Some(state) = filter.state(0) else { continue };
-            mean.fixed_rows_mut::<STATES_PER_PHONE>(at).copy_from(&state.mean);
-            let block = filter.kinematic().1;
-            covariance.fixed_view_mut::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at).copy_from(&block);
-            second.fixed_view_mut::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at).copy_from(&state.covariance);
-            for (earlier, other) in present.iter().enumerate().take(slot) {
-                let to = STATES_PER_PHONE * earlier;
-                let block = filter.shared_with(other);
-                second.fixed_view_mut::<STATES_PER_PHONE, STATES_PER_PHONE>(at, to).copy_from(&block);
-                second
-                    .fixed_view_mut::<STATES_PER_PHONE, STATES_PER_PHONE>(to, at)
-                    .copy_from(&block.transpose());
-            }
-        }
-        let phones = present.iter().flat_map(|filter| filter.phones()).collect();
-        Self { phones, mean, covariance, second: Some(second) }
+/// Filters of the phones that have a state, by slot.
+pub(super) struct Shared<'a>(Vec<&'a JointFilter>);
+
+impl Between for Shared<'_> {
+    fn between<const N: usize>(&self, a: usize, b: usize) -> SMatrix<f64, N, N> {
+        self.0[a].shared_with(self.0[b])
+    }
+}
+
+impl Slots {
+    /// Takes the next phone of the group.
+    fn push(&mut self, is_present: bool) {
+        let slot = self.0.iter().flatten().count();
+        self.0.push(is_present.then_some(slot));
     }
 
-    /// Place of a phone in the distribution.
-    pub fn slot(&self, phone: usize) -> Option<usize> {
-        self.phones.iter().position(|present| *present == phone)
+    /// Slot of a phone.
+    pub fn of(&self, phone: usize) -> Option<usize> {
+        self.0.get(phone).copied().flatten()
+    }
+}
+
+impl FreeGroup {
+    /// Slots of the phones.
+    pub const fn slots(&self) -> &Slots {
+        &self.slots
     }
 
     /// State of the phone in a slot.
     pub fn state(&self, slot: usize) -> Option<PhoneState> {
-        if slot >= self.phones.len() {
-            return None;
+        let (phone, covariance) = self.phones.get(slot).zip(self.stated.get(slot))?;
+        Some(PhoneState { mean: phone.mean, covariance: *covariance })
+    }
+}
+
+impl JointGroup {
+    /// What is given out of all phones and these pairs, which are in the distribution.
+    pub fn output(&self, pairs: &[(usize, usize)]) -> Output {
+        let at = |slot: usize| STATES_PER_PHONE * slot;
+        let own = |slot: usize| {
+            self.covariance.fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(at(slot), at(slot))
+        };
+        let state = |slot: usize| PhoneState {
+            mean: self.mean.fixed_rows::<STATES_PER_PHONE>(at(slot)).into_owned(),
+            covariance: own(slot).into_owned(),
+        };
+        let pair = |(a, b): &(usize, usize)| self.covariance.fixed_view::<3, 3>(at(*a), at(*b)).into_owned();
+        Output {
+            states: (0..self.mean.len() / STATES_PER_PHONE).map(state).collect(),
+            pairs: pairs.iter().map(pair).collect(),
         }
-        let at = slot * STATES_PER_PHONE;
-        Some(PhoneState {
-            mean: self.mean.fixed_rows::<STATES_PER_PHONE>(at).into_owned(),
-            covariance: self.stated().fixed_view::<STATES_PER_PHONE, STATES_PER_PHONE>(at, at).into_owned(),
-        })
     }
+}
 
-    /// The covariance that is stated.
-    pub fn stated(&self) -> &DMatrix<f64> {
-        self.second.as_ref().unwrap_or(&self.covariance)
-    }
-
-    /// Standard deviation of the distance between two phones along the line between them, m.
-    pub fn distance_sigma_m(&self, a: usize, b: usize) -> Option<f64> {
-        let line = self.state(a)?.position() - self.state(b)?.position();
-        let u = line.0.try_normalize(1e-9)?;
-        let (ra, rb) = (a * STATES_PER_PHONE, b * STATES_PER_PHONE);
-        let block = |i: usize, j: usize| self.stated().fixed_view::<3, 3>(i, j);
-        let relative = block(ra, ra) + block(rb, rb) - block(ra, rb) - block(rb, ra);
+impl Output {
+    /// Standard deviation of the distance between the phones of two slots along the line between them, m; `between` is the covariance of their
+    /// positions.
+    pub fn distance_sigma_m(&self, (a, b): (usize, usize), between: &Matrix3<f64>) -> Option<f64> {
+        let (a, b) = self.states.get(a).zip(self.states.get(b))?;
+        let u = (a.position() - b.position()).0.try_normalize(1e-9)?;
+        let position = |state: &PhoneState| state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        let relative = position(a) + position(b) - between - between.transpose();
         Some(u.dot(&(relative * u)).max(0.0).sqrt())
     }
 }

@@ -2,16 +2,15 @@
 //!
 //! The meaning of the bounds for the vector between the phones is an option: see [`DistanceModel`].
 
-use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::super::SkipReason;
 use super::super::options::DistanceModel;
-use super::super::rows::{BoundedRow, Rows, SparseRow, position};
+use super::super::rows::{BoundedRow, Rows, Terms};
 use super::super::truncation::Interval;
-use super::{BoundedLength, ConstrainedState, ConstraintKind, NO_DIRECTION, Unit, not_negative, positive};
-use crate::filter::STATES_PER_PHONE;
-use crate::frames::{Ecef, LocalFrame};
+use super::{BoundedLength, ConstraintKind, NO_DIRECTION, Quantity, Unit, not_negative, positive};
+use crate::frames::LocalFrame;
 
 /// minimum ≤ |r_i − r_j| ≤ maximum.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -70,20 +69,21 @@ impl ConstraintKind for Distance {
         Interval { lower: self.minimum_m, upper: self.maximum_m }
     }
 
-    fn value(&self, state: &DVector<f64>, _horizon_s: f64) -> Option<f64> {
-        let [first, second] = self.phones;
-        Some(position(state, first)?.distance_m(position(state, second)?))
+    fn terms(&self, _horizon_s: f64) -> Terms {
+        Terms::difference(self.phones)
     }
 
-    fn rows(&self, at: &ConstrainedState<'_>) -> Result<Rows, SkipReason> {
+    fn value(&self, vector: &Vector3<f64>, _frame: &LocalFrame) -> Option<f64> {
+        Some(vector.norm())
+    }
+
+    fn rows(&self, at: &Quantity<'_>) -> Result<Rows, SkipReason> {
         let model = at.options.distance_model;
-        let difference = self.difference(at.state).ok_or(SkipReason::NotFinite)?;
         let is_upper_only = self.minimum_m <= 0.0 && model == DistanceModel::Radial;
-        if is_upper_only && difference.norm() <= NO_DIRECTION {
+        if is_upper_only && at.mean.norm() <= NO_DIRECTION {
             return Ok([None; 3]);
         }
-        let direction = self.direction(at.state, at.covariance).ok_or(SkipReason::NotFinite)?;
-        Ok(self.linearised(&direction, at.covariance, model))
+        Ok(self.linearised(&direction(at), &at.covariance, model))
     }
 
     fn length(&self) -> Option<&dyn BoundedLength> {
@@ -100,42 +100,26 @@ impl ConstraintKind for Distance {
 }
 
 impl BoundedLength for Distance {
-    fn vector(&self, at: &ConstrainedState<'_>) -> Option<Vector3<f64>> {
-        self.difference(at.state)
+    fn bounded(&self, vector: &Vector3<f64>, _frame: &LocalFrame) -> Vector3<f64> {
+        *vector
     }
 
-    fn change(&self, _at: &ConstrainedState<'_>, change: &DVector<f64>) -> Option<Vector3<f64>> {
-        let [i, j] = self.offsets();
-        Some(change.fixed_rows::<3>(i) - change.fixed_rows::<3>(j))
-    }
-
-    fn rows_along(&self, at: &ConstrainedState<'_>, direction: &Vector3<f64>) -> Option<Rows> {
-        Some(self.linearised(direction, at.covariance, at.options.distance_model))
+    fn rows_along(&self, at: &Quantity<'_>, direction: &Vector3<f64>) -> Rows {
+        self.linearised(direction, &at.covariance, at.options.distance_model)
     }
 }
 
 impl Distance {
-    fn offsets(&self) -> [usize; 2] {
-        self.phones.map(|phone| STATES_PER_PHONE * phone)
-    }
-
-    /// The vector from the second to the first phone.
-    pub fn difference(&self, state: &DVector<f64>) -> Option<Vector3<f64>> {
-        let [first, second] = self.phones;
-        Some((position(state, first)? - position(state, second)?).0)
-    }
-
-    /// Rows when the distance is linearised along `direction`, a unit vector (Jacobian [uᵀ, −uᵀ]).
+    /// Rows when the distance is linearised along `direction`, a unit vector (Jacobian [uᵀ, −uᵀ]); `covariance` is that of the
+    /// difference.
     pub(in crate::constraint) fn linearised(
         &self,
         direction: &Vector3<f64>,
-        covariance: &DMatrix<f64>,
+        covariance: &Matrix3<f64>,
         model: DistanceModel,
     ) -> Rows {
-        let [first, second] = self.offsets();
         let bounded = |axis: &Vector3<f64>, lower: f64| {
-            let row = SparseRow::of_two((first, axis), (second, &-axis));
-            Some(BoundedRow::new(row, Interval { lower, upper: self.maximum_m }))
+            Some(BoundedRow::new(*axis, Interval { lower, upper: self.maximum_m }))
         };
         if model == DistanceModel::Radial {
             return [bounded(direction, self.minimum_m), None, None];
@@ -160,47 +144,30 @@ impl Distance {
 
     /// Lower bound of the component along a direction, reduced by the contribution of the uncertainty across:
     /// d² = along² + across².
-    fn minimum_along_m(&self, direction: &Vector3<f64>, covariance: &DMatrix<f64>) -> f64 {
+    fn minimum_along_m(&self, direction: &Vector3<f64>, covariance: &Matrix3<f64>) -> f64 {
         if self.minimum_m <= 0.0 {
             return 0.0;
         }
-        let relative = self.relative_covariance(covariance);
-        let across_m2 = (relative.trace() - direction.dot(&(relative * direction))).max(0.0);
+        let across_m2 = (covariance.trace() - direction.dot(&(covariance * direction))).max(0.0);
         (self.minimum_m * self.minimum_m - across_m2).max(0.0).sqrt()
     }
+}
 
-    fn relative_covariance(&self, covariance: &DMatrix<f64>) -> Matrix3<f64> {
-        let [i, j] = self.offsets();
-        let block = |row: usize, column: usize| covariance.fixed_view::<3, 3>(row, column).into_owned();
-        block(i, i) + block(j, j) - block(i, j) - block(j, i)
-    }
+/// Direction of the linearisation: that of the difference, or, for a zero difference, the direction of the largest uncertainty.
+fn direction(at: &Quantity<'_>) -> Vector3<f64> {
+    let length = at.mean.norm();
+    if length > NO_DIRECTION { at.mean / length } else { least_known_direction(at) }
+}
 
-    /// Direction of the linearisation: that of the difference, or, for a zero difference, the direction of the largest uncertainty.
-    ///
-    /// `None` if the state does not contain the phones.
-    fn direction(&self, state: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Vector3<f64>> {
-        let [first, _] = self.phones;
-        let place = position(state, first)?;
-        let difference = self.difference(state)?;
-        let length = difference.norm();
-        Some(if length > NO_DIRECTION {
-            difference / length
-        } else {
-            self.least_known_direction(place, covariance)
-        })
+fn least_known_direction(at: &Quantity<'_>) -> Vector3<f64> {
+    if !at.covariance.iter().all(|element| element.is_finite()) {
+        return Vector3::x();
     }
-
-    fn least_known_direction(&self, place: Ecef, covariance: &DMatrix<f64>) -> Vector3<f64> {
-        let relative = self.relative_covariance(covariance);
-        if !relative.iter().all(|element| element.is_finite()) {
-            return Vector3::x();
-        }
-        let eigen = SymmetricEigen::new(relative);
-        let axis = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
-        // The sign is arbitrary; the local axes fix it, so that equal input gives equal results everywhere.
-        let local = LocalFrame::at(place).rotation_ecef_to_enu() * axis;
-        if local[local.iamax()] < 0.0 { -axis } else { axis }
-    }
+    let eigen = SymmetricEigen::new(at.covariance);
+    let axis = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
+    // The sign is arbitrary; the local axes fix it, so that equal input gives equal results everywhere.
+    let local = at.frame.rotation_ecef_to_enu() * axis;
+    if local[local.iamax()] < 0.0 { -axis } else { axis }
 }
 
 /// Two unit vectors that complete a direction to an orthogonal triad, the first perpendicular to the Earth's axis.

@@ -2,15 +2,15 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use nalgebra::DVector;
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::super::SkipReason;
-use super::super::rows::{BoundedRow, Motion, Rows, SparseRow};
+use super::super::rows::{BoundedRow, Rows, Terms};
 use super::super::truncation::Interval;
 use super::super::wrap_rad;
-use super::{ConstrainedState, Constraint, ConstraintKind, Unit, positive};
-use crate::frames::Enu;
+use super::{Constraint, ConstraintKind, Quantity, Unit, positive};
+use crate::frames::{EcefVector, Enu, LocalFrame};
 
 /// Minimum course tolerance with two distinct half-planes, rad.
 const LEAST_TOLERANCE_RAD: f64 = 1e-3;
@@ -76,8 +76,12 @@ impl ConstraintKind for Heading {
         Interval::within(self.tolerance_rad)
     }
 
-    fn value(&self, state: &DVector<f64>, horizon_s: f64) -> Option<f64> {
-        let velocity = Motion::of(state, self.phone, horizon_s)?.velocity();
+    fn terms(&self, horizon_s: f64) -> Terms {
+        Terms::motion(self.phone, horizon_s)
+    }
+
+    fn value(&self, vector: &Vector3<f64>, frame: &LocalFrame) -> Option<f64> {
+        let velocity = frame.vector_ecef_to_enu(EcefVector(*vector));
         if velocity.horizontal() == 0.0 {
             return None;
         }
@@ -85,10 +89,9 @@ impl ConstraintKind for Heading {
     }
 
     /// Whether the phone is fast enough for a defined course.
-    fn applies(&self, at: &ConstrainedState<'_>) -> Result<bool, SkipReason> {
-        let motion = Motion::of(at.state, self.phone, at.options.horizon_s).ok_or(SkipReason::NotFinite)?;
-        let speed_mps = motion.velocity().horizontal();
-        let sigma_mps = motion.horizontal_sigma_mps(at.covariance);
+    fn applies(&self, at: &Quantity<'_>) -> Result<bool, SkipReason> {
+        let speed_mps = at.velocity().horizontal();
+        let sigma_mps = at.horizontal_sigma();
         let gate = at.options.heading_gate;
         if !sigma_mps.is_finite() {
             return Err(SkipReason::NotFinite);
@@ -98,21 +101,20 @@ impl ConstraintKind for Heading {
 
     /// Half-planes of the velocity (Peng Eq. 18, divided by Δt): ahead, limit on the right, limit on the left. The last two, here
     /// scaled by the cosine of the tolerance, imply the first.
-    fn rows(&self, at: &ConstrainedState<'_>) -> Result<Rows, SkipReason> {
-        let motion = Motion::of(at.state, self.phone, at.options.horizon_s).ok_or(SkipReason::NotFinite)?;
+    fn rows(&self, at: &Quantity<'_>) -> Result<Rows, SkipReason> {
         let (sin_course, cos_course) = self.course_rad.sin_cos();
         let tolerance_rad = self.tolerance_rad.clamp(LEAST_TOLERANCE_RAD, FRAC_PI_2);
         let (sin_tolerance, cos_tolerance) = tolerance_rad.sin_cos();
         // Components across the course (to the right) and along it (Eq. 15).
         let row = |across: f64, along: f64| {
-            motion.row(Enu {
+            at.axis(Enu {
                 east: across * cos_course + along * sin_course,
                 north: along * cos_course - across * sin_course,
                 up: 0.0,
             })
         };
         let below_zero = Interval { lower: f64::NEG_INFINITY, upper: 0.0 };
-        let bounded = |row: SparseRow| BoundedRow::new(row, below_zero);
+        let bounded = |axis: Vector3<f64>| BoundedRow::new(axis, below_zero);
         Ok([
             Some(bounded(row(0.0, -1.0)).implied()),
             Some(bounded(row(cos_tolerance, -sin_tolerance))),

@@ -9,7 +9,7 @@ mod heading;
 mod speed;
 mod vertical_velocity;
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DVector, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use distance::Distance;
@@ -19,8 +19,10 @@ pub use vertical_velocity::VerticalVelocity;
 
 use super::SkipReason;
 use super::options::ConstraintOptions;
-use super::rows::Rows;
+use super::prior::{FreePhone, Prior};
+use super::rows::{Rows, Terms, part, position};
 use super::truncation::Interval;
+use crate::frames::{EcefVector, Enu, LocalFrame};
 
 /// Length below which a vector has no direction: 1 mm, 1 mm/s.
 pub(super) const NO_DIRECTION: f64 = 1e-3;
@@ -39,25 +41,26 @@ pub trait ConstraintKind {
     /// Interval of the value (see [`ConstraintKind::value`]) in its unit.
     fn bounds(&self) -> Interval;
 
-    /// The constrained quantity in a joint state. Velocities are means over the next `horizon_s`, v + ½a·horizon; 0 uses the velocity
-    /// itself.
-    /// `None` if the state does not contain the phones or the quantity, or is not finite.
-    fn value(&self, state: &DVector<f64>, horizon_s: f64) -> Option<f64>;
+    /// The vector that the constraint bounds. Velocities are means over the next `horizon_s`, v + ½a·horizon; 0 uses the velocity itself.
+    fn terms(&self, horizon_s: f64) -> Terms;
+
+    /// The constrained quantity for a vector and the local frame of the first phone; `None` if it is not defined there.
+    fn value(&self, vector: &Vector3<f64>, frame: &LocalFrame) -> Option<f64>;
 
     /// Whether the constraint applies to the state. Otherwise it is left out and not reported.
     ///
     /// # Errors
     /// [`SkipReason::NotFinite`] if the state is not finite.
-    fn applies(&self, at: &ConstrainedState<'_>) -> Result<bool, SkipReason> {
+    fn applies(&self, at: &Quantity<'_>) -> Result<bool, SkipReason> {
         let _ = at;
         Ok(true)
     }
 
-    /// The bounded rows, linearised at a state; no rows if the constraint does not apply there.
+    /// The bounded rows, linearised at a distribution; no rows if the constraint does not apply there.
     ///
     /// # Errors
-    /// [`SkipReason::NotFinite`] if the state has no rows.
-    fn rows(&self, at: &ConstrainedState<'_>) -> Result<Rows, SkipReason>;
+    /// [`SkipReason::NotFinite`] if the covariance is not finite.
+    fn rows(&self, at: &Quantity<'_>) -> Result<Rows, SkipReason>;
 
     /// The vector whose length is bounded, if any: its rows are relinearised along the vector. `None`: the rows are linear and valid for
     /// all states.
@@ -83,27 +86,51 @@ pub trait ConstraintKind {
     fn bounds_in_words(&self) -> String;
 }
 
-/// A vector that is linear in the state, with a bounded length.
+/// A vector with a bounded length that is linear in the constraint's vector.
 pub trait BoundedLength {
-    /// The vector in a state; `None` if the state does not contain the phones or is not finite.
-    fn vector(&self, at: &ConstrainedState<'_>) -> Option<Vector3<f64>>;
-
-    /// Change of the vector for a given change of the state.
-    fn change(&self, at: &ConstrainedState<'_>, change: &DVector<f64>) -> Option<Vector3<f64>>;
+    /// The vector of bounded length for the constraint's vector, or its change for a change of that.
+    fn bounded(&self, vector: &Vector3<f64>, frame: &LocalFrame) -> Vector3<f64>;
 
     /// The rows for a linearisation along `direction`, a unit vector. The first row is that along the direction.
-    fn rows_along(&self, at: &ConstrainedState<'_>, direction: &Vector3<f64>) -> Option<Rows>;
+    fn rows_along(&self, at: &Quantity<'_>, direction: &Vector3<f64>) -> Rows;
 }
 
-/// Joint state with the options of its constraints.
+/// Distribution of a constraint's vector, with what its rows depend on.
 #[derive(Clone, Copy)]
-pub struct ConstrainedState<'a> {
-    /// Mean of the joint state.
-    pub state: &'a DVector<f64>,
-    /// Covariance of the joint state.
-    pub covariance: &'a DMatrix<f64>,
+pub struct Quantity<'a> {
+    /// Mean of the vector.
+    pub mean: Vector3<f64>,
+    /// Covariance of the vector.
+    pub covariance: Matrix3<f64>,
+    /// Local frame of the constraint's first phone.
+    pub frame: &'a LocalFrame,
     /// Options of the constraints.
     pub options: &'a ConstraintOptions,
+}
+
+impl Quantity<'_> {
+    /// A vector as a velocity in the local frame, m/s.
+    pub fn velocity(&self) -> Enu {
+        self.frame.vector_ecef_to_enu(EcefVector(self.mean))
+    }
+
+    /// The row along a direction of the local frame.
+    pub fn axis(&self, direction: Enu) -> Vector3<f64> {
+        self.frame.vector_enu_to_ecef(direction).0
+    }
+
+    /// Variance of the component along a direction of the local frame.
+    pub fn variance(&self, direction: Enu) -> f64 {
+        let axis = self.axis(direction);
+        axis.dot(&(self.covariance * axis))
+    }
+
+    /// Standard deviation of the horizontal component: root of the sum of the east and north variances.
+    pub fn horizontal_sigma(&self) -> f64 {
+        let east = self.variance(Enu { east: 1.0, north: 0.0, up: 0.0 });
+        let north = self.variance(Enu { east: 0.0, north: 1.0, up: 0.0 });
+        (east + north).sqrt()
+    }
 }
 
 /// Unit and format of a value in text.
@@ -226,7 +253,20 @@ impl Constraint {
     /// Velocities are means over the next `horizon_s`, v + ½a·horizon; 0 uses the velocity itself. `None` if the state does not contain the
     /// phones or is not finite, and for the course of a phone without horizontal velocity.
     pub fn value(&self, state: &DVector<f64>, horizon_s: f64) -> Option<f64> {
-        self.kind().value(state, horizon_s).filter(|value| value.is_finite())
+        let frame = LocalFrame::at(position(state, *self.phones().first()?)?);
+        let vector = self.kind().terms(horizon_s).sum(|phone, which| part(state, phone, which))?;
+        self.value_of(&vector, &frame)
+    }
+
+    /// The same among independent phones.
+    pub fn value_among(&self, phones: &[FreePhone], horizon_s: f64) -> Option<f64> {
+        let frame = phones.frame(*self.phones().first()?)?;
+        self.value_of(&phones.mean(&self.kind().terms(horizon_s))?, frame)
+    }
+
+    /// The constrained quantity for its vector and the local frame of the first phone.
+    pub(super) fn value_of(&self, vector: &Vector3<f64>, frame: &LocalFrame) -> Option<f64> {
+        self.kind().value(vector, frame).filter(|value| value.is_finite())
     }
 
     /// Whether a value (see [`Constraint::value`]) is within the bounds.

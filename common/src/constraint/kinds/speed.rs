@@ -6,17 +6,14 @@
 //! ([`HeadingGate::minimum_sigmas`](crate::constraint::HeadingGate::minimum_sigmas)), reduced by the uncertainty across, and not at all
 //! otherwise.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::super::SkipReason;
-use super::super::rows::{BoundedRow, Motion, Rows};
+use super::super::rows::{BoundedRow, Rows, Terms};
 use super::super::truncation::Interval;
-use super::{BoundedLength, ConstrainedState, ConstraintKind, NO_DIRECTION, Unit, not_negative, positive};
-use crate::frames::Enu;
-
-const EAST: Enu = Enu { east: 1.0, north: 0.0, up: 0.0 };
-const NORTH: Enu = Enu { east: 0.0, north: 1.0, up: 0.0 };
+use super::{BoundedLength, ConstraintKind, NO_DIRECTION, Quantity, Unit, not_negative, positive};
+use crate::frames::{EcefVector, Enu, LocalFrame};
 
 /// minimum ≤ |v_horizontal| ≤ maximum.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,24 +80,27 @@ impl ConstraintKind for Speed {
         Interval { lower: self.minimum_mps, upper: self.maximum_mps }
     }
 
-    fn value(&self, state: &DVector<f64>, horizon_s: f64) -> Option<f64> {
-        Some(Motion::of(state, self.phone, horizon_s)?.velocity().horizontal())
+    fn terms(&self, horizon_s: f64) -> Terms {
+        Terms::motion(self.phone, horizon_s)
+    }
+
+    fn value(&self, vector: &Vector3<f64>, frame: &LocalFrame) -> Option<f64> {
+        Some(frame.vector_ecef_to_enu(EcefVector(*vector)).horizontal())
     }
 
     /// An upper bound applies always; a lower bound alone only for a certain direction.
-    fn applies(&self, at: &ConstrainedState<'_>) -> Result<bool, SkipReason> {
-        let motion = self.motion(at).ok_or(SkipReason::NotFinite)?;
-        if !motion.horizontal_sigma_mps(at.covariance).is_finite() {
+    fn applies(&self, at: &Quantity<'_>) -> Result<bool, SkipReason> {
+        if !at.horizontal_sigma().is_finite() {
             return Err(SkipReason::NotFinite);
         }
-        Ok(self.maximum_mps.is_finite() || has_direction(&motion, at))
+        Ok(self.maximum_mps.is_finite() || has_direction(at))
     }
 
-    fn rows(&self, at: &ConstrainedState<'_>) -> Result<Rows, SkipReason> {
-        let velocity = self.vector(at).ok_or(SkipReason::NotFinite)?;
+    fn rows(&self, at: &Quantity<'_>) -> Result<Rows, SkipReason> {
+        let velocity = self.bounded(&at.mean, at.frame);
         let speed_mps = velocity.norm();
         let direction = if speed_mps > NO_DIRECTION { velocity / speed_mps } else { Vector3::x() };
-        self.rows_along(at, &direction).ok_or(SkipReason::NotFinite)
+        Ok(self.rows_along(at, &direction))
     }
 
     fn length(&self) -> Option<&dyn BoundedLength> {
@@ -118,47 +118,33 @@ impl ConstraintKind for Speed {
 
 /// The horizontal velocity: east, north and zero.
 impl BoundedLength for Speed {
-    fn vector(&self, at: &ConstrainedState<'_>) -> Option<Vector3<f64>> {
-        let velocity = self.motion(at)?.velocity();
-        Some(Vector3::new(velocity.east, velocity.north, 0.0))
+    fn bounded(&self, vector: &Vector3<f64>, frame: &LocalFrame) -> Vector3<f64> {
+        let velocity = frame.vector_ecef_to_enu(EcefVector(*vector));
+        Vector3::new(velocity.east, velocity.north, 0.0)
     }
 
-    fn change(&self, at: &ConstrainedState<'_>, change: &DVector<f64>) -> Option<Vector3<f64>> {
-        let motion = self.motion(at)?;
-        let component = |axis: Enu| motion.row(axis).times(change);
-        Some(Vector3::new(component(EAST), component(NORTH), 0.0))
-    }
-
-    fn rows_along(&self, at: &ConstrainedState<'_>, direction: &Vector3<f64>) -> Option<Rows> {
-        let motion = self.motion(at)?;
+    fn rows_along(&self, at: &Quantity<'_>, direction: &Vector3<f64>) -> Rows {
         let bounded = |axis: Enu, lower: f64| {
-            Some(BoundedRow::new(motion.row(axis), Interval { lower, upper: self.maximum_mps }))
+            Some(BoundedRow::new(at.axis(axis), Interval { lower, upper: self.maximum_mps }))
         };
         let along = Enu { east: direction.x, north: direction.y, up: 0.0 };
         let across = Enu { east: -direction.y, north: direction.x, up: 0.0 };
-        if !has_direction(&motion, at) {
+        if !has_direction(at) {
             if self.maximum_mps.is_infinite() {
-                return Some([None; 3]);
+                return [None; 3];
             }
-            return Some([bounded(along, -self.maximum_mps), bounded(across, -self.maximum_mps), None]);
+            return [bounded(along, -self.maximum_mps), bounded(across, -self.maximum_mps), None];
         }
         // The uncertainty across contributes to the speed: speed² = along² + across².
-        let across_m2ps2 = motion.row(across).variance(at.covariance).max(0.0);
+        let across_m2ps2 = at.variance(across).max(0.0);
         let least_mps = (self.minimum_mps * self.minimum_mps - across_m2ps2).max(0.0).sqrt();
         let lower_mps = if least_mps > 0.0 { least_mps } else { -self.maximum_mps };
-        Some([bounded(along, lower_mps), None, None])
-    }
-}
-
-impl Speed {
-    fn motion(&self, at: &ConstrainedState<'_>) -> Option<Motion> {
-        Motion::of(at.state, self.phone, at.options.horizon_s)
+        [bounded(along, lower_mps), None, None]
     }
 }
 
 /// Whether the direction of a motion is certain: the speed exceeds the gate's number of standard deviations of the horizontal velocity.
-fn has_direction(motion: &Motion, at: &ConstrainedState<'_>) -> bool {
-    let sigma_mps = motion.horizontal_sigma_mps(at.covariance);
-    let speed_mps = motion.velocity().horizontal();
-    speed_mps > NO_DIRECTION && speed_mps > at.options.heading_gate.minimum_sigmas * sigma_mps
+fn has_direction(at: &Quantity<'_>) -> bool {
+    let speed_mps = at.velocity().horizontal();
+    speed_mps > NO_DIRECTION && speed_mps > at.options.heading_gate.minimum_sigmas * at.horizontal_sigma()
 }

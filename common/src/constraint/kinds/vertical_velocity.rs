@@ -1,13 +1,13 @@
 //! |v_up| ≤ maximum (Peng Eq. 4-12).
 
-use nalgebra::DVector;
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::super::SkipReason;
-use super::super::rows::{BoundedRow, Motion, Rows};
+use super::super::rows::{BoundedRow, Rows, Terms};
 use super::super::truncation::Interval;
-use super::{ConstrainedState, ConstraintKind, Unit, positive};
-use crate::frames::Enu;
+use super::{ConstraintKind, Quantity, Unit, positive};
+use crate::frames::{EcefVector, Enu, LocalFrame};
 
 /// |v_up| ≤ maximum.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,15 +57,18 @@ impl ConstraintKind for VerticalVelocity {
         Interval::within(self.maximum_mps)
     }
 
-    fn value(&self, state: &DVector<f64>, horizon_s: f64) -> Option<f64> {
-        Some(Motion::of(state, self.phone, horizon_s)?.velocity().up)
+    fn terms(&self, horizon_s: f64) -> Terms {
+        Terms::motion(self.phone, horizon_s)
+    }
+
+    fn value(&self, vector: &Vector3<f64>, frame: &LocalFrame) -> Option<f64> {
+        Some(frame.vector_ecef_to_enu(EcefVector(*vector)).up)
     }
 
     /// One row with two bounds (Peng Eq. 11, divided by Δt).
-    fn rows(&self, at: &ConstrainedState<'_>) -> Result<Rows, SkipReason> {
-        let motion = Motion::of(at.state, self.phone, at.options.horizon_s).ok_or(SkipReason::NotFinite)?;
-        let row = motion.row(Enu { east: 0.0, north: 0.0, up: 1.0 });
-        Ok([Some(BoundedRow::new(row, self.bounds())), None, None])
+    fn rows(&self, at: &Quantity<'_>) -> Result<Rows, SkipReason> {
+        let up = at.axis(Enu { east: 0.0, north: 0.0, up: 1.0 });
+        Ok([Some(BoundedRow::new(up, self.bounds())), None, None])
     }
 
     fn unit(&self) -> Unit {
