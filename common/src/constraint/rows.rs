@@ -108,7 +108,7 @@ impl Terms {
     /// Mean velocity of a phone over the horizon, v + ½a·horizon.
     pub fn motion(phone: usize, horizon_s: f64) -> Self {
         let second =
-            (horizon_s != 0.0).then(|| Term { phone, part: Part::Acceleration, factor: 0.5 * horizon_s });
+            (horizon_s != 0.0).then_some(Term { phone, part: Part::Acceleration, factor: 0.5 * horizon_s });
         Self { first: Term { phone, part: Part::Velocity, factor: 1.0 }, second }
     }
 

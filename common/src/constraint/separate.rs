@@ -84,12 +84,11 @@ pub fn constrain_separately(
         let is_violated = |task: &Task<'_>, posteriors: &[Posterior]| {
             layout.vector(&task.terms, phones, posteriors).is_some_and(|vector| task.is_violated(&vector))
         };
-        match propagation.run(&mut tasks, is_violated) {
-            Err(place) => connecting[place] = true,
-            Ok(()) => {
-                propagation.finish(&tasks);
-                return layout.separated(phones, &tasks, propagation.components);
-            }
+        if let Err(place) = propagation.run(&mut tasks, is_violated) {
+            connecting[place] = true;
+        } else {
+            propagation.finish(&tasks);
+            return layout.separated(phones, &tasks, &propagation.components);
         }
     }
 }
@@ -122,20 +121,18 @@ impl Layout {
         }
         let mut layout = Self { components: Vec::new(), seats: vec![None; phones] };
         for phone in (0..phones).filter(|phone| touched[*phone]) {
-            let component = match layout.seats[root(&mut roots, phone)] {
-                Some((component, _)) => component,
-                None => {
-                    layout.components.push(Vec::new());
-                    layout.components.len() - 1
-                }
-            };
-            layout.add(phone, component, &parts[phone]);
+            let of_root = layout.seats[root(&mut roots, phone)];
+            let component = of_root.map_or(layout.components.len(), |(component, _)| component);
+            if component == layout.components.len() {
+                layout.components.push(Vec::new());
+            }
+            layout.add(phone, component, parts[phone]);
         }
         layout
     }
 
     /// Adds a phone at the end of a component.
-    fn add(&mut self, phone: usize, component: usize, parts: &[bool; Part::ALL.len()]) {
+    fn add(&mut self, phone: usize, component: usize, parts: [bool; Part::ALL.len()]) {
         let members = &mut self.components[component];
         let mut end = states(members);
         let offsets = parts.map(|is_touched| {
@@ -196,11 +193,11 @@ impl Layout {
     }
 
     /// The result, with all states of the phones.
-    fn separated(self, phones: &[FreePhone], tasks: &[Task<'_>], posteriors: Vec<Posterior>) -> Separated {
+    fn separated(self, phones: &[FreePhone], tasks: &[Task<'_>], posteriors: &[Posterior]) -> Separated {
         let mut means: Vec<_> = phones.iter().map(|phone| phone.mean).collect();
-        let vector = |terms: &Terms| self.vector(terms, phones, &posteriors);
+        let vector = |terms: &Terms| self.vector(terms, phones, posteriors);
         let mut components = Vec::with_capacity(posteriors.len());
-        for (mut members, posterior) in self.components.iter().cloned().zip(&posteriors) {
+        for (mut members, posterior) in self.components.iter().cloned().zip(posteriors) {
             for member in &mut members {
                 member.regression = member.regression_on_touched(&phones[member.phone].covariance);
                 means[member.phone] = member.follow(&phones[member.phone].mean, &posterior.state);

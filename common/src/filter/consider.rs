@@ -136,12 +136,17 @@ impl Consider {
         Sensitivity { satellite, ionosphere: ionosphere(observation) }
     }
 
-    /// Adds L⁻¹wh̃gᵀ of one observation to G.
-    pub fn add_sensitivity(shared: &mut DMatrix<f64>, weighted: &DVector<f64>, sensitivity: Sensitivity) {
+    /// Adds L⁻¹wh̃gᵀ of one observation with the weight w to G; `compressed` is L⁻¹h̃.
+    pub fn add_sensitivity(
+        shared: &mut DMatrix<f64>,
+        weight: f64,
+        compressed: &DVector<f64>,
+        sensitivity: Sensitivity,
+    ) {
         let Sensitivity { satellite, ionosphere } = sensitivity;
-        shared.column_mut(satellite).axpy(1.0, weighted, 1.0);
+        shared.column_mut(satellite).axpy(weight, compressed, 1.0);
         for (column, coefficient) in ionosphere.iter().enumerate() {
-            shared.column_mut(column).axpy(*coefficient, weighted, 1.0);
+            shared.column_mut(column).axpy(weight * *coefficient, compressed, 1.0);
         }
     }
 
@@ -186,13 +191,11 @@ impl Consider {
         let mut y = block.noise.clone();
         if let Some(shared) = &block.shared {
             d.gemm(1.0, &self.cross, &shared.transpose(), 1.0);
-            let mut scaled = shared.clone();
-            for (mut column, variance) in scaled.column_iter_mut().zip(&self.variances) {
-                column *= *variance;
+            let columns = output.column_iter_mut().zip(shared.column_iter()).zip(&self.variances);
+            for ((mut output, shared), variance) in columns {
+                output.axpy(*variance, &shared, 1.0);
             }
-            let of_shared = &output + &scaled;
-            y.gemm(1.0, shared, &of_shared.transpose(), 1.0);
-            output = of_shared;
+            y.gemm(1.0, shared, &output.transpose(), 1.0);
         }
         y.gemm_tr(1.0, root, &d.select_rows(states), 1.0);
         let y = (&y + y.transpose()) * 0.5;

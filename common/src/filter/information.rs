@@ -64,16 +64,14 @@ impl Information {
         if is_whole { self.root.transpose().solve_upper_triangular(&self.z) } else { None }
     }
 
-    /// L⁻¹h̃ of a row; 0 for directions without information.
-    pub fn compressed(&self, row: &Measured) -> DVector<f64> {
-        let mut solved = DVector::zeros(self.mean.len());
-        row.centred(&self.mean, &mut solved);
+    /// L⁻¹h̃ of a row into `solved`, which has the size of the unknowns; 0 for directions without information.
+    pub fn compress(&self, row: &Measured, solved: &mut DVector<f64>) {
+        row.centred(&self.mean, solved);
         for j in 0..solved.len() {
             let pivot = self.root[(j, j)];
             let known: f64 = (0..j).map(|k| self.root[(j, k)] * solved[k]).sum();
             solved[j] = if pivot > 0.0 { (solved[j] - known) / pivot } else { 0.0 };
         }
-        solved
     }
 }
 

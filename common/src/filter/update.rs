@@ -121,12 +121,13 @@ impl JointFilter {
             let sensitive: Vec<_> = observations.iter().map(|o| consider.sensitivity(o)).collect();
             let mut shared = DMatrix::zeros(states.len(), consider.shared_states());
             let mut noise = DMatrix::zeros(states.len(), states.len());
+            let mut h = DVector::zeros(states.len());
             for ((row, observation), sensitivity) in rows.iter().zip(observations).zip(sensitive) {
-                let h = information.compressed(row);
+                information.compress(row, &mut h);
                 // w²σ², with w the weight of the row and σ² of its noise alone.
                 let own = row.weight * inflation * observation.noise_variance_m2();
                 noise.ger(row.weight * own * level, &h, &h, 1.0);
-                Consider::add_sensitivity(&mut shared, &(h * row.weight), sensitivity);
+                Consider::add_sensitivity(&mut shared, row.weight, &h, sensitivity);
             }
             let (root, gain) = (&information.root, &gain);
             consider.update(&Block { states: &states, root, gain, noise, shared: Some(shared) });
@@ -178,40 +179,47 @@ impl JointFilter {
 
     /// Applies compressed rows about some states. Returns the gain on all of them together.
     fn apply(&mut self, states: &[usize], information: &Information) -> (DMatrix<f64>, Innovation) {
-        let mut gains = DMatrix::zeros(self.mean.len(), states.len());
-        let before: Vec<f64> = states.iter().map(|state| self.mean[*state]).collect();
+        let n = self.mean.len();
+        let mut gains = DMatrix::zeros(n, states.len());
+        let (mut ph, mut gain) = (DVector::zeros(n), DVector::zeros(n));
+        let before = self.mean.clone();
         let mut total = Innovation::default();
         for (index, (h, z)) in information.root.column_iter().zip(information.z.iter()).enumerate() {
             if h[index] <= 0.0 {
                 continue;
             }
-            let row: Vec<(usize, f64)> = states.iter().copied().zip(h.iter().copied()).skip(index).collect();
-            let moved: f64 =
-                states.iter().zip(&before).zip(h.iter()).map(|((s, b), h)| h * (self.mean[*s] - b)).sum();
-            let (gain, variance) = self.apply_row(&row, z - moved);
+            let row = states.iter().copied().zip(h.iter().copied()).skip(index);
+            let moved: f64 = row.clone().map(|(state, h)| h * (self.mean[state] - before[state])).sum();
+            let variance = self.apply_row(row.clone(), z - moved, &mut ph, &mut gain);
             total.nis += (z - moved).powi(2) / variance;
             total.rows += 1;
             // e ← (I − khᵀ)e − kz: earlier columns are carried on, and this row's is added.
-            let carried: DVector<f64> = DVector::from_iterator(
-                states.len(),
-                gains.column_iter().map(|column| row.iter().map(|(state, h)| h * column[*state]).sum()),
-            );
-            gains.ger(-1.0, &gain, &carried, 1.0);
-            let mut column = gains.column_mut(index);
-            column += &gain;
+            for mut column in gains.column_iter_mut().take(index) {
+                let carried: f64 = row.clone().map(|(state, h)| h * column[state]).sum();
+                column.axpy(-carried, &gain, 1.0);
+            }
+            gains.column_mut(index).copy_from(&gain);
         }
         (gains, total)
     }
 
-    /// Applies one row with unit noise in Joseph form: P ← (I − KHᵀ)P(I − KHᵀ)ᵀ + KKᵀ. Returns gain and innovation variance.
-    fn apply_row(&mut self, row: &[(usize, f64)], innovation: f64) -> (DVector<f64>, f64) {
-        let mut ph = DVector::zeros(self.mean.len());
-        for (state, h) in row {
-            ph.axpy(*h, &self.covariance.column(*state), 1.0);
+    /// Applies one row with unit noise in Joseph form: P ← (I − KHᵀ)P(I − KHᵀ)ᵀ + KKᵀ. Returns the innovation's variance, and leaves PH in `ph` and
+    /// the gain in `gain`.
+    fn apply_row(
+        &mut self,
+        row: impl Iterator<Item = (usize, f64)> + Clone,
+        innovation: f64,
+        ph: &mut DVector<f64>,
+        gain: &mut DVector<f64>,
+    ) -> f64 {
+        ph.fill(0.0);
+        for (state, h) in row.clone() {
+            ph.axpy(h, &self.covariance.column(state), 1.0);
         }
-        let s = row.iter().map(|(state, h)| h * ph[*state]).sum::<f64>() + 1.0;
-        let gain = &ph / s;
-        self.mean.axpy(innovation, &gain, 1.0);
+        let s = row.map(|(state, h)| h * ph[state]).sum::<f64>() + 1.0;
+        gain.copy_from(ph);
+        *gain /= s;
+        self.mean.axpy(innovation, gain, 1.0);
         let (n, k, ph) = (self.mean.len(), gain.as_slice(), ph.as_slice());
         for (column, (kj, pj)) in self.covariance.as_mut_slice().chunks_exact_mut(n).zip(k.iter().zip(ph)) {
             for (value, (ki, pi)) in column.iter_mut().zip(k.iter().zip(ph)) {
@@ -219,7 +227,7 @@ impl JointFilter {
                 *value += s * (ki * kj) - (ki * pj + pi * kj);
             }
         }
-        (gain, s)
+        s
     }
 }
 

@@ -5,13 +5,15 @@
 //! up to the fourth. In the tails and in narrow intervals these cancel, and the moments are integrated about the maximum of the density,
 //! as in [`super::truncated`].
 
-use super::quadrature::GAUSS_LEGENDRE;
+use super::quadrature::{GAUSS_LEGENDRE, GAUSS_LEGENDRE_16};
 use super::truncated::truncated_moments;
 
 /// Intervals that begin further from zero are integrated numerically.
 const TAIL: f64 = 2.0;
 /// Intervals narrower than this are integrated numerically.
 const NARROW: f64 = 3.0;
+/// Product of centre and half width of a narrow interval up to which 16 nodes are exact to 14 digits.
+const FLAT: f64 = 6.0;
 /// Density, relative to its maximum, at which the integration stops.
 const NEGLIGIBLE: f64 = 1e-16;
 /// Number of iterations for the maximum of the density; each at least halves its interval.
@@ -24,8 +26,11 @@ pub fn ball_moments(lower: f64, upper: f64) -> Option<(f64, f64)> {
     if !(lower.is_finite() && upper.is_finite() && lower < upper) {
         return None;
     }
+    let (centre, half) = (0.5 * (lower + upper), 0.5 * (upper - lower));
     if lower < TAIL && upper > -TAIL && upper - lower > NARROW {
         closed_form(lower, upper)
+    } else if 2.0 * half <= NARROW && centre.abs() * half <= FLAT {
+        Some(integrated_whole(centre, half))
     } else {
         Some(integrated(lower, upper))
     }
@@ -46,6 +51,20 @@ fn closed_form(a: f64, b: f64) -> Option<(f64, f64)> {
     let mean = weight(m1, m2, m3) / z;
     let variance = weight(m2, m3, m4) / z - mean * mean;
     (variance > 0.0).then_some((mean, variance))
+}
+
+/// The integrals over the whole of an interval in which the density changes little.
+fn integrated_whole(centre: f64, half: f64) -> (f64, f64) {
+    let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
+    for (node, weight) in GAUSS_LEGENDRE_16.iter() {
+        let off = half * node;
+        let part = weight * (1.0 - node * node) * (-off * (0.5 * off + centre)).exp();
+        sum += part;
+        first += part * off;
+        second += part * off * off;
+    }
+    let shift = first / sum;
+    (centre + shift, second / sum - shift * shift)
 }
 
 fn integrated(lower: f64, upper: f64) -> (f64, f64) {
@@ -144,6 +163,18 @@ mod tests {
                 let (closed, integral) = (closed_form(lower, upper).unwrap(), integrated(lower, upper));
                 assert!((closed.0 - integral.0).abs() < 1e-8, "{lower}: {closed:?} {integral:?}");
                 assert!((closed.1 - integral.1).abs() < 1e-8, "{lower}: {closed:?} {integral:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn few_nodes_are_enough_for_narrow_intervals() {
+        for half in [1e-3, 0.1, 0.6, 1.5] {
+            for steepness in [-6.0, -2.0, 0.0, 0.5, 4.0] {
+                let centre: f64 = steepness / half;
+                let (few, many) = (integrated_whole(centre, half), integrated(centre - half, centre + half));
+                assert!((few.0 - many.0).abs() < 1e-10 * half, "{centre} {half}: {few:?} {many:?}");
+                assert!((few.1 / many.1 - 1.0).abs() < 1e-9, "{centre} {half}: {few:?} {many:?}");
             }
         }
     }
