@@ -72,6 +72,10 @@ pub(super) fn jointly(
     propagation.components.pop()
 }
 
+/// Precision of a site times the variance of its row, 1 for an equality, from which on the state follows at once, because what comes next
+/// would lose digits.
+const NEARLY_EQUAL: f64 = 0.99;
+
 /// Constraints on states that are independent of each other.
 pub(super) struct Propagation<'a> {
     /// The states.
@@ -149,13 +153,14 @@ fn refresh(
 ) -> f64 {
     let Some(frame) = task.frame else { return 0.0 };
     let before = task.sites;
-    let mut refresh = Refresh { local: posterior.local(placed), frame, options };
+    let local = posterior.local(placed);
+    let mut refresh = Refresh { posterior, placed, local, frame, options };
     let change = refresh.apply(task, sweep).unwrap_or_else(|reason| {
         refresh.remove_all(task);
         task.skipped = Some(reason);
         0.0
     });
-    match posterior.follow(&refresh.local, placed) {
+    match refresh.flush() {
         Ok(()) => change,
         Err(reason) => {
             (task.sites, task.skipped) = (before, Some(reason));
@@ -166,6 +171,8 @@ fn refresh(
 
 /// One application of a constraint to its vector.
 struct Refresh<'a> {
+    posterior: &'a mut Posterior,
+    placed: &'a Placed,
     local: Local,
     frame: &'a LocalFrame,
     options: &'a ConstraintOptions,
@@ -180,6 +187,7 @@ impl Refresh<'_> {
         if policy != Enlargement::Fixed && task.constraint.kind().widens_as_a_whole() {
             // The bounds are enlarged for all rows together, on the state without this constraint.
             self.remove_all(task);
+            self.flush()?;
             (rows, task.enlargements) = self.widened_rows(&task.constraint)?;
             policy = Enlargement::Fixed;
         }
@@ -195,10 +203,14 @@ impl Refresh<'_> {
         let manner = Manner { policy, prior: &task.prior, damping };
         let mut change = 0.0f64;
         for index in 0..rows.len() {
-            if relinearised.is_some() && !self.local.remove(&mut task.sites[index]) {
-                // The site could not be removed, so its former row stays too.
-                rows[index] = task.rows.and_then(|former| former[index]);
-                continue;
+            if relinearised.is_some() && task.sites[index].is_some() {
+                if !self.local.remove(&mut task.sites[index]) {
+                    // The site could not be removed, so its former row stays too.
+                    rows[index] = task.rows.and_then(|former| former[index]);
+                    continue;
+                }
+                // Near an equality the change by a removal and that by the next row nearly cancel; together they would lose digits.
+                self.flush()?;
             }
             if let Some(length) = task.constraint.kind().length()
                 && (index, relinearised.is_some()) == (0, true)
@@ -217,11 +229,21 @@ impl Refresh<'_> {
             task.sites[index] = Some(applied.site);
             task.acted = true;
             change = change.max(applied.change);
+            if applied.site.precision * bounded.variance(&self.local.covariance) > NEARLY_EQUAL {
+                self.flush()?;
+            }
         }
         if relinearised.is_some() {
             task.rows = Some(rows);
         }
         Ok(change)
+    }
+
+    /// Changes the state as the vector has changed, and begins anew from there.
+    fn flush(&mut self) -> Result<(), SkipReason> {
+        self.posterior.follow(&self.local, self.placed)?;
+        self.local = self.posterior.local(self.placed);
+        Ok(())
     }
 
     /// The present distribution with the options.
