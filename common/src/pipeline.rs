@@ -212,7 +212,9 @@ impl PhonePipeline {
     }
 
     /// Corrects and solves one epoch. Corrections are made for the last known position, or else for a solution without atmosphere, and made
-    /// again if the solution is far from it. A last known position without a resulting solution is discarded, because it may be wrong.
+    /// again if the solution is far from it. Where the last known position leads to no solution, it may be wrong, and the solution without
+    /// atmosphere is tried. If that leads to none either, because there are too few satellites, the corrections for the last known position
+    /// remain, and the filter goes on with them.
     fn solve(
         &mut self,
         time_gps: GpsTime,
@@ -222,7 +224,11 @@ impl PhonePipeline {
         let start = known.unwrap_or_else(|| self.rough_position(prepared));
         let solved = self.solve_from(prepared, start, time_gps);
         if solved.1.fit.is_err() && known.is_some() {
-            return self.solve_from(prepared, self.rough_position(prepared), time_gps);
+            let anew = self.solve_from(prepared, self.rough_position(prepared), time_gps);
+            if anew.1.fit.is_ok() {
+                return anew;
+            }
+            self.position = known;
         }
         solved
     }

@@ -206,6 +206,53 @@ fn sequential_sweeps_do_not_shrink_what_they_did_before() {
     assert_eq!(spread, later);
 }
 
+/// With damping 0.5 half of each former site is kept: the second sweep moves less far, and many sweeps end in the same place.
+#[test]
+fn damping_slows_the_sweeps_and_does_not_change_their_end() {
+    let bound = |phone| Constraint::VerticalVelocity(VerticalVelocity { phone, maximum_mps: 0.3 });
+    let run = |max_sweeps, damping| {
+        let mut mean = state(&[([0.0; 3], [0.0, 0.0, 0.9]), ([0.0; 3], [0.0, 0.0, -0.8])]);
+        let mut spread = covariance(&[[5.0, 0.5, 0.1]; 2]);
+        // The velocities of both phones have a correlation of 0.8.
+        for axis in 3..6 {
+            (spread[(axis, axis + 9)], spread[(axis + 9, axis)]) = (0.2, 0.2);
+        }
+        let method = Method::ExpectationPropagation { max_sweeps, damping };
+        let options = ConstraintOptions { method, ..ConstraintOptions::default() };
+        constrain(&mut mean, &mut spread, &[bound(0), bound(1)], &options);
+        mean
+    };
+    let (once, end) = (run(1, 0.0), run(200, 0.0));
+    let moved = |max_sweeps, damping| (run(max_sweeps, damping) - &once).norm();
+    assert!(moved(2, 0.0) > 1e-3, "{}", moved(2, 0.0));
+    assert!(moved(2, 0.5) < 0.9 * moved(2, 0.0), "{} {}", moved(2, 0.5), moved(2, 0.0));
+    let ends = (run(200, 0.5) - &end).norm();
+    assert!(ends < 2e-3, "{ends}");
+}
+
+/// Three phones far out of the bounds of all their distances turn about each other, so that rows which were linearised only once point
+/// elsewhere at the end.
+#[test]
+fn distances_of_three_phones_hold_after_they_have_turned() {
+    let pair = |first, second, minimum_m, maximum_m| {
+        Constraint::Distance(Distance { phones: [first, second], minimum_m, maximum_m })
+    };
+    let constraints = [pair(0, 1, 4.0, 5.0), pair(1, 2, 4.0, 5.0), pair(0, 2, 7.0, 8.0)];
+    for (east, north) in [(15.0, 3.0), (3.0, 15.0), (10.0, 10.0), (6.0, 18.0)] {
+        let phone = |east, north| ([east, north, 0.0], [0.0; 3]);
+        let mut mean = state(&[phone(0.0, 0.0), phone(east, 2.0), phone(1.0, north)]);
+        let mut spread = covariance(&[[2.0, 1.0, 1.0], [5.0, 1.0, 1.0], [3.0, 1.0, 1.0]]);
+        let options = ConstraintOptions {
+            distance_model: DistanceModel::Radial,
+            contradiction_sigmas: f64::INFINITY,
+            ..ConstraintOptions::default()
+        };
+        let actions = constrain(&mut mean, &mut spread, &constraints, &options);
+        let holds = |action: &ConstraintAction| action.outcome == ConstraintOutcome::Holds;
+        assert!(actions.iter().all(holds), "{east} m, {north} m: {actions:?}");
+    }
+}
+
 #[test]
 fn golden_courses_of_the_paper() {
     // Peng 2023, table 1.

@@ -259,3 +259,122 @@ fn pierce_point(elevation_rad: f64) -> (f64, f64) {
     let psi_rad = std::f64::consts::FRAC_PI_2 - elevation_rad - sine.asin();
     (psi_rad, 1.0 / (1.0 - sine * sine).sqrt())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::{FilterOptions, JointFilter, RobustWeights, STATES_PER_PHONE, Start};
+    use crate::frames::EcefVector;
+    use crate::measurement::SharedError;
+    use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
+    use crate::solve::VelocitySolution;
+    use crate::time::GpsTime;
+
+    /// Code with shared errors, without range rates, displaced by 0.7 standard deviations with alternating signs.
+    fn observed() -> Vec<CorrectedObservation> {
+        let mut observations = Receiver::in_wuhan().observe(&OPEN_SKY_DEG);
+        for (index, observation) in observations.iter_mut().enumerate() {
+            observation.range_rate = None;
+            observation.pseudorange_m += [0.7, -0.7][index % 2] * observation.pseudorange_sigma_m;
+            observation.shared =
+                SharedError { satellite_sigma_m: 0.8, ionosphere_m: 3.0 + 0.5 * index as f64 };
+        }
+        observations
+    }
+
+    const LAST_S: u8 = 20;
+
+    fn at(second: f64) -> GpsTime {
+        GpsTime::from_week_tow(2118, second)
+    }
+
+    /// A filter without robust weights that was started at 0 s, updated every second up to [`LAST_S`] and predicted one more.
+    fn before_an_update(observations: &[CorrectedObservation]) -> JointFilter {
+        let robust = RobustWeights { keep: f64::INFINITY, reject: f64::INFINITY };
+        let mut filter = JointFilter::new(FilterOptions { robust, ..FilterOptions::default() });
+        let identity = nalgebra::Matrix3::identity();
+        let at_rest =
+            VelocitySolution { velocity: EcefVector::new(0.0, 0.0, 0.0), covariance: identity * 0.01 };
+        let (position, position_covariance) = (Receiver::in_wuhan().position, identity);
+        filter.insert(0, at(0.0), &Start { position, position_covariance, velocity: Some(at_rest) });
+        for second in 1..=LAST_S {
+            filter.predict(at(f64::from(second)));
+            filter.update(0, observations);
+        }
+        filter.predict(at(f64::from(LAST_S + 1)));
+        filter
+    }
+
+    /// Weights and variances of the noise alone of the code rows, as the filter takes them.
+    fn model(filter: &JointFilter, observations: &[CorrectedObservation]) -> (DMatrix<f64>, DMatrix<f64>) {
+        let options = &filter.options;
+        let inflation = options.code_noise.inflation(1.0);
+        let diagonal = |value: &dyn Fn(&CorrectedObservation) -> f64| {
+            DMatrix::from_diagonal(&DVector::from_iterator(
+                observations.len(),
+                observations.iter().map(|observation| inflation * value(observation)),
+            ))
+        };
+        let lasting = |o: &CorrectedObservation| options.lasting_weight * o.shared.satellite_sigma_m.powi(2);
+        let variances = diagonal(&|o| o.noise_variance_m2() + lasting(o));
+        (variances.try_inverse().unwrap(), diagonal(&CorrectedObservation::noise_variance_m2))
+    }
+
+    /// The second covariance and C after an update against the textbook formula with the full rows, each with one white clock.
+    #[test]
+    fn the_second_covariance_is_that_of_the_errors_under_the_gain_of_the_filter() {
+        let observations = observed();
+        let mut filter = before_an_update(&observations);
+        let (before, mean) = (filter.consider.clone().unwrap(), filter.mean.clone());
+        filter.update(0, &observations);
+        let after = filter.consider.clone().unwrap();
+
+        let (rows, states) = (observations.len(), mean.len());
+        let mut design = DMatrix::zeros(rows, states);
+        let mut shared = DMatrix::zeros(rows, before.shared_states());
+        for (row, observation) in observations.iter().enumerate() {
+            let line = observation.satellite_position.0 - mean.fixed_rows::<3>(0);
+            design.view_mut((row, 0), (1, 3)).copy_from(&(-line.normalize().transpose()));
+            if let Some(bias) = filter.slots[0].bias(observation.clock_group()) {
+                design[(row, STATES_PER_PHONE + bias)] = 1.0;
+            }
+            let Sensitivity { satellite, ionosphere } = before.clone().sensitivity(observation);
+            shared[(row, satellite)] = 1.0;
+            shared.view_mut((row, 0), (1, IONOSPHERE_STATES)).copy_from(&ionosphere.transpose());
+        }
+        let (weights, noise) = model(&filter, &observations);
+        let level = filter.slots[0].noise_level.factor();
+        let ones = DMatrix::from_element(rows, 1, 1.0);
+        let without_clock =
+            DMatrix::identity(rows, rows) - &ones * ones.transpose() * &weights / weights.sum();
+        let gain = &filter.covariance * design.transpose() * &weights * without_clock;
+        let kept = DMatrix::identity(states, states) - &gain * &design;
+        let variances = DMatrix::from_diagonal(&DVector::from_vec(before.variances.clone()));
+        let by_shared = &gain * &shared;
+        let crossed = &kept * &before.cross * by_shared.transpose();
+        let expected = &kept * &before.covariance * kept.transpose() - &crossed - crossed.transpose()
+            + &by_shared * &variances * by_shared.transpose()
+            + &gain * noise * level * gain.transpose();
+        let difference = (&after.covariance - &expected).amax();
+        assert!(difference < 1e-6 * expected.amax(), "{difference} m² of {}", expected.amax());
+        let cross = &kept * &before.cross - by_shared * variances;
+        let difference = (&after.cross - &cross).amax();
+        assert!(difference < 1e-6 * cross.amax(), "{difference} of {}", cross.amax());
+        assert!((0.3..0.97).contains(&level), "innovations of 0.7 standard deviations: {level}");
+    }
+
+    #[test]
+    fn what_shared_errors_left_in_a_state_loses_its_correlation_with_them() {
+        let observations = observed();
+        let mut filter = before_an_update(&observations);
+        let time_constant_s = 40.0;
+        let consider = filter.consider.as_mut().unwrap();
+        consider.options.time_constant_s = time_constant_s;
+        consider.cross.rows_mut(3, 6).fill(0.0);
+        let before = consider.cross.clone();
+        assert!(before.amax() > 0.01);
+        filter.predict(at(f64::from(LAST_S + 1) + time_constant_s));
+        let after = &filter.consider.as_ref().unwrap().cross;
+        assert!((after - before * (-1.0_f64).exp()).amax() < 1e-9);
+    }
+}

@@ -423,3 +423,103 @@ impl JointFilter {
             && self.covariance.diagonal().iter().all(|v| v.is_finite() && *v > 0.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrity::Cause;
+    use crate::measurement::CorrectedObservation;
+    use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
+    use crate::solve::{solve_position, solve_velocity};
+
+    const UNRELIABLE: Verdict = Verdict::Unreliable(Cause::TestsFailed);
+
+    fn solution(observations: &[CorrectedObservation]) -> PointSolution {
+        let fit = solve_position(observations, Receiver::in_wuhan().position).unwrap();
+        fit.to_solution(solve_velocity(observations, fit.position())).unwrap()
+    }
+
+    fn at(second: f64) -> GpsTime {
+        GpsTime::from_week_tow(2118, second)
+    }
+
+    /// A filter with one phone that was started at 0 s by its own solution.
+    fn started() -> (JointFilter, Vec<CorrectedObservation>, PointSolution) {
+        let observations = Receiver::in_wuhan().observe(&OPEN_SKY_DEG);
+        let solution = solution(&observations);
+        let mut filter = JointFilter::new(FilterOptions::default());
+        filter.insert(0, at(0.0), &Start::at_solution(&solution, Verdict::Reliable));
+        (filter, observations, solution)
+    }
+
+    fn sigmas(covariance: &Matrix3<f64>) -> Vector3<f64> {
+        covariance.diagonal().map(f64::sqrt)
+    }
+
+    /// One epoch may contain an outlier that RAIM has not found.
+    #[test]
+    fn a_start_is_less_certain_than_its_solution() {
+        let solution = solution(&Receiver::in_wuhan().observe(&OPEN_SKY_DEG));
+        let ratios = |verdict| {
+            let start = Start::at_solution(&solution, verdict);
+            sigmas(&start.position_covariance).component_div(&sigmas(&solution.position_covariance))
+        };
+        assert!(ratios(Verdict::Reliable).iter().all(|ratio| (1.5..3.0).contains(ratio)));
+        assert!(ratios(UNRELIABLE).iter().all(|ratio| (5.0..20.0).contains(ratio)));
+        let doppler = |verdict| sigmas(&Start::at_solution(&solution, verdict).velocity.unwrap().covariance);
+        let stated_mps = sigmas(&solution.velocity.unwrap().covariance);
+        assert!(stated_mps.max() < 0.2, "{stated_mps} m/s");
+        assert!(doppler(Verdict::Reliable).min() > 0.4, "{} m/s", doppler(Verdict::Reliable));
+    }
+
+    #[test]
+    fn a_phone_may_be_silent_for_ten_seconds_or_for_three_of_its_own_intervals() {
+        for (interval_s, kept_s, dropped_s) in [(1.0, 9.0, 11.0), (30.0, 90.0, 110.0)] {
+            let (mut filter, observations, _) = started();
+            for epoch in 1..=4 {
+                filter.predict(at(interval_s * f64::from(epoch)));
+                filter.update(0, &observations);
+            }
+            let last_s = 4.0 * interval_s;
+            assert!(filter.drop_silent(at(last_s + kept_s)).is_empty(), "{interval_s} s");
+            assert_eq!(filter.drop_silent(at(last_s + dropped_s)), [(0, dropped_s)], "{interval_s} s");
+        }
+    }
+
+    /// Two thirds of the range rates are wrong, each by another amount, so that they agree on no manoeuvre. The pseudoranges are right.
+    #[test]
+    fn a_prediction_that_contradicts_its_range_rates_is_lost() {
+        let (mut filter, observations, _) = started();
+        let mut wrong = observations.clone();
+        for (index, observation) in wrong.iter_mut().enumerate().filter(|(index, _)| index % 3 > 0) {
+            let sign = [1.0, -1.0][index % 2];
+            observation.range_rate.as_mut().unwrap().range_rate_mps += sign * 20.0 * (1.0 + index as f64);
+        }
+        for epoch in 1..=5 {
+            assert!(!filter.is_lost(0), "epoch {epoch}");
+            filter.predict(at(0.01 * f64::from(epoch)));
+            let report = filter.update(0, &wrong);
+            assert!(2 * report.rates.kept < report.rates.offered, "{report:?}");
+            assert!(2 * report.codes.kept > report.codes.offered, "{report:?}");
+        }
+        assert!(filter.is_lost(0));
+        filter.predict(at(0.06));
+        filter.update(0, &observations);
+        assert!(!filter.is_lost(0), "range rates that agree again end it");
+    }
+
+    #[test]
+    fn a_prediction_far_from_five_reliable_solutions_in_succession_is_lost() {
+        let (mut filter, _, near) = started();
+        let far =
+            PointSolution { position: near.position + EcefVector::new(200.0, 0.0, 0.0), ..near.clone() };
+        for solution in [&far, &far, &far, &far, &near, &far, &far, &far, &far] {
+            filter.compare(0, solution, Verdict::Reliable);
+            assert!(!filter.is_lost(0));
+        }
+        filter.compare(0, &far, UNRELIABLE);
+        assert!(!filter.is_lost(0), "a solution that is not reliable says nothing");
+        filter.compare(0, &far, Verdict::Reliable);
+        assert!(filter.is_lost(0));
+    }
+}

@@ -60,3 +60,41 @@ impl NoiseLevel {
         ((self.sum + PRIOR) / (self.weight + PRIOR)).clamp(least, most)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
+
+    /// The factor after ten minutes at 1 Hz of innovations that are alternately `sigmas` and −`sigmas` standard deviations of the noise.
+    fn level(sigmas: f64) -> f64 {
+        let observations = Receiver::in_wuhan().observe(&OPEN_SKY_DEG);
+        let offered: Vec<&CorrectedObservation> = observations.iter().collect();
+        let row = |(index, observation): (usize, &&CorrectedObservation)| {
+            let (sign, sigma_m) = ([1.0, -1.0][index % 2], observation.pseudorange_sigma_m);
+            let h = nalgebra::Vector3::zeros();
+            Measured { h, bias: None, y: 300.0 + sign * sigmas * sigma_m, weight: sigma_m.powi(-2) }
+        };
+        let rows: Vec<Measured> = offered.iter().enumerate().map(row).collect();
+        let mut level = NoiseLevel::default();
+        for _ in 0..600 {
+            level.take(1.0, &rows, &offered, &Matrix3::zeros());
+        }
+        level.factor()
+    }
+
+    #[test]
+    fn the_level_is_the_mean_square_of_the_innovations() {
+        assert_eq!(NoiseLevel::default().factor(), 1.0);
+        // The prior level 1 has a weight of 0.1 beside that of the innovations.
+        for sigmas in [0.5, 1.0, 2.0] {
+            let expected = (sigmas * sigmas + 0.1) / 1.1;
+            assert!((level(sigmas) / expected - 1.0).abs() < 0.05, "{sigmas}: {}", level(sigmas));
+        }
+        let largest = level(50.0);
+        assert!(
+            (15.0..25.0).contains(&largest),
+            "innovations count as five standard deviations at most: {largest}"
+        );
+    }
+}

@@ -190,4 +190,20 @@ mod tests {
         let plain = RobustWeights { keep: f64::INFINITY, reject: f64::INFINITY };
         assert_eq!(plain.factor(1e9), 1.0);
     }
+
+    /// The mean of n measurements with correlations ρ^k of a share κ of their variance has n times the variance 1 + 2κΣρ^k of one, which is
+    /// 1 − κ + κ(1 + ρ)/(1 − ρ) for many.
+    #[test]
+    fn correlated_noise_counts_as_much_as_the_mean_of_many_says() {
+        let noise = CodeNoise { correlated_share: 0.3, correlation_time_s: 20.0 };
+        for interval_s in [0.1_f64, 1.0, 5.0, 30.0, 300.0] {
+            let correlation = (-interval_s / noise.correlation_time_s).exp();
+            let sum: f64 = (1..10_000).map(|lag| correlation.powi(lag)).sum();
+            let expected = 1.0 + 2.0 * noise.correlated_share * sum;
+            let inflation = noise.inflation(interval_s);
+            assert!((inflation / expected - 1.0).abs() < 1e-9, "{interval_s} s: {inflation} {expected}");
+        }
+        assert!((noise.inflation(1e4) - 1.0).abs() < 1e-9);
+        assert_eq!(CodeNoise { correlated_share: 0.0, ..noise }.inflation(0.1), 1.0);
+    }
 }

@@ -274,4 +274,58 @@ mod tests {
         assert!(monitored.fit.is_err());
         assert_eq!(monitored.report.verdict, Verdict::CannotBeChecked);
     }
+
+    /// The sky twice, from two azimuths, with Gaussian errors of the stated standard deviations.
+    fn noisy_sky(random: &mut impl rand::Rng) -> Vec<CorrectedObservation> {
+        let receiver = Receiver::in_wuhan();
+        let mut observations = receiver.observe(&OPEN_SKY_DEG);
+        observations.extend(receiver.observe(&OPEN_SKY_DEG.map(|(azimuth, up)| (azimuth + 25.0, up + 3.0))));
+        for observation in &mut observations {
+            let normal: f64 = random.sample(rand_distr::StandardNormal);
+            observation.pseudorange_m += observation.pseudorange_sigma_m * normal;
+        }
+        observations
+    }
+
+    #[test]
+    fn in_a_thousand_epochs_without_faults_one_is_suspected() {
+        let mut random = <rand_chacha::ChaCha8Rng as rand::SeedableRng>::seed_from_u64(1);
+        let suspects = |observations: &mut [CorrectedObservation]| {
+            let report = monitor(observations).report;
+            report.excluded > 0 || report.verdict != Verdict::Reliable
+        };
+        let suspected = (0..10_000).filter(|_| suspects(&mut noisy_sky(&mut random))).count();
+        assert!((2..25).contains(&suspected), "{suspected} of 10,000");
+    }
+
+    #[test]
+    fn six_faults_among_24_signals_are_all_excluded() {
+        let mut random = <rand_chacha::ChaCha8Rng as rand::SeedableRng>::seed_from_u64(2);
+        let mut observations = noisy_sky(&mut random);
+        let faults = [(1, 90.0), (5, -70.0), (9, 120.0), (14, 60.0), (19, -150.0), (22, 80.0)];
+        for (index, error_m) in faults {
+            observations[index].pseudorange_m += error_m;
+        }
+        assert_eq!(monitor(&mut observations).report.verdict, Verdict::Reliable);
+        let excluded: Vec<usize> =
+            (0..observations.len()).filter(|i| observations[*i].usage == Usage::Excluded).collect();
+        assert_eq!(excluded, faults.map(|(index, _)| index));
+    }
+
+    /// Satellites all around within 1.5° of one elevation: their ranges do not tell the height from the clock.
+    #[test]
+    fn a_position_without_height_is_not_reliable() {
+        let ring: Vec<(f64, f64)> = (0..12_u8)
+            .map(|i| (30.0 * f64::from(i), 20.0 + 0.73 * [1.0, -1.0][usize::from(i % 2)]))
+            .collect();
+        let mut observations = Receiver { clocks_m: [150.0; 3], ..Receiver::in_wuhan() }.observe(&ring);
+        for observation in &mut observations {
+            observation.satellite.constellation = crate::gnss::Constellation::Gps;
+        }
+        let monitored = monitor(&mut observations);
+        let dops = monitored.fit.unwrap().dops().unwrap();
+        let limits = RaimOptions::default().dop_limits;
+        assert!(dops.pdop < limits.pdop && dops.hdop < limits.hdop && dops.vdop > limits.vdop, "{dops:?}");
+        assert_eq!(monitored.report.verdict, Verdict::Unreliable(Cause::Geometry));
+    }
 }

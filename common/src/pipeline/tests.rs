@@ -146,3 +146,37 @@ fn an_absurd_solution_is_no_position_and_starts_no_filter() {
         assert!(local.distance_m(simulated.truth.position) < 30.0, "{}", message.time_gps);
     }
 }
+
+/// Five satellites of three systems give no solution. Their observations are corrected for the last position all the same, so that the
+/// filter can go on.
+#[test]
+fn observations_without_a_solution_are_corrected_for_the_last_position() {
+    let (simulated, products) = drive(20.0);
+    let (expected, _) = process(simulated.iter().map(|s| s.epoch.clone()), &products);
+    let of = |constellation, count| {
+        let seen = expected[9].observations.iter().filter(|o| o.signal.band != b'5');
+        seen.filter(move |o| o.satellite.constellation == constellation).map(|o| o.satellite).take(count)
+    };
+    let five: Vec<_> = of(Constellation::Gps, 2)
+        .chain(of(Constellation::Galileo, 2))
+        .chain(of(Constellation::Beidou, 1))
+        .collect();
+    let altered = simulated.iter().enumerate().map(|(k, s)| {
+        let mut epoch = s.epoch.clone();
+        let is_left = |o: &Observation| five.contains(&o.satellite) && o.signal.band != b'5';
+        epoch.observations.retain(|o| k < 10 || is_left(o));
+        epoch
+    });
+    let (messages, _) = process(altered, &products);
+    for (message, expected) in messages.iter().zip(&expected).skip(10) {
+        assert!(message.wls.is_none(), "{}", message.time_gps);
+        assert_eq!(message.observations.len(), 5, "{}", message.time_gps);
+        for ours in &message.observations {
+            let is_same =
+                |o: &&CorrectedObservation| (o.satellite, o.signal) == (ours.satellite, ours.signal);
+            let theirs = expected.observations.iter().find(is_same).unwrap();
+            let difference_m = ours.pseudorange_m - theirs.pseudorange_m;
+            assert!(difference_m.abs() < 0.1, "{} at {}: {difference_m} m", ours.satellite, message.time_gps);
+        }
+    }
+}

@@ -67,10 +67,13 @@ mod tests {
     #[test]
     fn a_wrong_doppler_is_left_out() {
         let receiver = Receiver::in_wuhan();
-        let mut observations = receiver.observe(&OPEN_SKY_DEG);
-        observations[4].range_rate.as_mut().unwrap().range_rate_mps += 30.0;
-        let velocity = solve_velocity(&observations, receiver.position).unwrap().velocity;
-        assert!((velocity.0 - receiver.velocity.0).norm() < 1e-9);
+        // 10 and 300 standard deviations.
+        for error_mps in [1.0, 30.0] {
+            let mut observations = receiver.observe(&OPEN_SKY_DEG);
+            observations[4].range_rate.as_mut().unwrap().range_rate_mps += error_mps;
+            let velocity = solve_velocity(&observations, receiver.position).unwrap().velocity;
+            assert!((velocity.0 - receiver.velocity.0).norm() < 1e-9, "{error_mps} m/s");
+        }
     }
 
     #[test]
