@@ -194,7 +194,7 @@ fn covariance(
     let mut covariance = DMatrix::zeros(size(ones), size(others));
     for (one, parts) in ones {
         for (other, to_parts) in others {
-            let block = between.between::<STATES_PER_PHONE>(*one, *other);
+            let block = leading(between, (*one, *other), parts.iter().chain(to_parts).map(|(part, _)| *part));
             for (part, offset) in parts {
                 for (to_part, to) in to_parts {
                     let part = block.fixed_view::<3, 3>(part.offset(), to_part.offset());
@@ -204,6 +204,17 @@ fn covariance(
         }
     }
     covariance
+}
+
+/// P₂ of two different phones up to the last of some parts, and zeros behind it.
+fn leading(between: &impl Between, (a, b): (usize, usize), parts: impl Iterator<Item = Part>) -> PhoneMatrix {
+    let mut whole = PhoneMatrix::zeros();
+    match parts.map(Part::offset).max() {
+        None | Some(0) => whole.fixed_view_mut::<3, 3>(0, 0).copy_from(&between.between::<3>(a, b)),
+        Some(3) => whole.fixed_view_mut::<6, 6>(0, 0).copy_from(&between.between::<6>(a, b)),
+        Some(_) => return between.between(a, b),
+    }
+    whole
 }
 
 impl Separated {

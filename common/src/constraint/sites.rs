@@ -1,10 +1,15 @@
 //! A Gaussian state that constraints change.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DMatrixView, DVector, Matrix3, Matrix3xX, Vector3};
 
 use super::SkipReason;
 use super::local::{Local, Site};
 use super::rows::Placed;
+
+/// Number of states from which changes of the covariance are collected, and applied together as one product.
+const LARGE: usize = 48;
+/// Number of changes that are collected.
+const COLLECTED: usize = 8;
 
 /// A Gaussian state with sites. While constraints are applied only the lower triangle of its covariance is kept.
 pub(super) struct Posterior {
@@ -19,6 +24,35 @@ pub(super) struct Posterior {
     columns: [Vec<f64>; 3],
     /// PJᵀM.
     scaled: [Vec<f64>; 3],
+    pending: Pending,
+}
+
+/// Changes of the covariance that are not in it yet: the columns PJᵀM and PJᵀ of several constraints.
+#[derive(Default)]
+struct Pending {
+    scaled: Vec<f64>,
+    columns: Vec<f64>,
+}
+
+impl Pending {
+    /// The columns as matrices of n rows.
+    fn matrices(&self, n: usize) -> (DMatrixView<'_, f64>, DMatrixView<'_, f64>) {
+        let of = |values| DMatrixView::from_slice(values, n, self.columns.len() / n.max(1));
+        (of(&self.scaled), of(&self.columns))
+    }
+
+    /// The rows of a constraint's vector in both matrices.
+    fn rows(&self, placed: &Placed, n: usize) -> (Matrix3xX<f64>, Matrix3xX<f64>) {
+        let (scaled, columns) = self.matrices(n);
+        let rows = |matrix: DMatrixView<'_, f64>| {
+            let mut rows = Matrix3xX::zeros(matrix.ncols());
+            for (offset, factor) in placed.iter() {
+                rows += matrix.fixed_rows::<3>(offset) * factor;
+            }
+            rows
+        };
+        (rows(scaled), rows(columns))
+    }
 }
 
 impl Posterior {
@@ -32,12 +66,19 @@ impl Posterior {
             has_changed: false,
             columns: Default::default(),
             scaled: Default::default(),
+            pending: Pending::default(),
         }
     }
 
     /// The present distribution of a constraint's vector.
     pub(super) fn local(&self, placed: &Placed) -> Local {
-        Local::new(placed.mean(&self.state), placed.covariance(&self.covariance))
+        let mut covariance = placed.covariance(&self.covariance);
+        if !self.pending.columns.is_empty() {
+            let (scaled, columns) = self.pending.rows(placed, self.state.len());
+            let change: Matrix3<f64> = scaled * columns.transpose();
+            covariance += (change + change.transpose()) * 0.5;
+        }
+        Local::new(placed.mean(&self.state), covariance)
     }
 
     /// Changes the state as a constraint changed its vector.
@@ -49,6 +90,7 @@ impl Posterior {
             return Ok(());
         }
         placed.columns(&self.covariance, &mut self.columns);
+        self.add_pending(placed);
         if !self.columns.iter().flatten().all(|element| element.is_finite()) {
             return Err(SkipReason::NotFinite);
         }
@@ -63,8 +105,41 @@ impl Posterior {
             scaled.clear();
             scaled.extend(a.iter().zip(b.iter().zip(c)).map(|(a, (b, c))| m.x * a + m.y * b + m.z * c));
         }
-        self.add_products();
+        if self.state.len() < LARGE {
+            self.add_products();
+            return Ok(());
+        }
+        self.pending.columns.extend(self.columns.iter().flatten());
+        self.pending.scaled.extend(self.scaled.iter().flatten());
+        if self.pending.columns.len() >= 3 * COLLECTED * self.state.len() {
+            self.add_collected();
+        }
         Ok(())
+    }
+
+    /// Adds the collected changes to the columns of a constraint's vector.
+    fn add_pending(&mut self, placed: &Placed) {
+        if self.pending.columns.is_empty() {
+            return;
+        }
+        let n = self.state.len();
+        let (_, rows) = self.pending.rows(placed, n);
+        for (change, factors) in self.pending.scaled.chunks_exact(n).zip(rows.column_iter()) {
+            for (column, factor) in self.columns.iter_mut().zip(factors.iter()) {
+                for (value, change) in column.iter_mut().zip(change) {
+                    *value += factor * change;
+                }
+            }
+        }
+    }
+
+    /// Applies the collected changes. The upper triangle, which is not read, gets what it gets.
+    fn add_collected(&mut self) {
+        if !self.pending.columns.is_empty() {
+            let (scaled, columns) = self.pending.matrices(self.state.len());
+            self.covariance.gemm(1.0, &scaled, &columns.transpose(), 1.0);
+            self.pending = Pending::default();
+        }
     }
 
     /// P ← P + (PJᵀM)(PJᵀ)ᵀ in the lower triangle.
@@ -89,6 +164,7 @@ impl Posterior {
         if !self.has_removed {
             return;
         }
+        self.pending = Pending::default();
         self.state.copy_from(&self.prior.0);
         self.covariance.copy_from(&self.prior.1);
         for (placed, sites) in constraints {
@@ -101,6 +177,7 @@ impl Posterior {
 
     /// Makes the covariance whole again.
     pub(super) fn finish(&mut self) {
+        self.add_collected();
         if self.has_changed {
             self.covariance.fill_upper_triangle_with_lower_triangle();
         }

@@ -214,8 +214,8 @@ impl Consider {
         let mut add = |column: usize, other_column: usize| {
             let variance = self.variances[column].max(other.variances[other_column]);
             if variance > 0.0 {
-                let mine = self.cross.fixed_view::<N, 1>(at, column) / variance;
-                let theirs = other.cross.fixed_view::<N, 1>(other_at, other_column);
+                let mine = self.cross.fixed_view::<N, 1>(at, column).into_owned();
+                let theirs = other.cross.fixed_view::<N, 1>(other_at, other_column) * variance.recip();
                 for (mut sums, factor) in covariance.column_iter_mut().zip(theirs.iter()) {
                     sums += mine * *factor;
                 }

@@ -196,6 +196,20 @@ fn independent_phones_have_the_result_of_one_joint_state() {
     assert!(several > 30 && acted > 400, "{several} {acted}");
 }
 
+/// Twenty phones in one component: changes of the covariance are collected.
+#[test]
+fn a_large_component_has_the_result_of_one_joint_state() {
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let options = ConstraintOptions { contradiction_sigmas: f64::INFINITY, ..ConstraintOptions::default() };
+    let group = Group::random(20, 15.0, &mut random);
+    let next = |minimum_m, maximum_m| {
+        move |a: usize| Constraint::from(Distance { phones: [a, (a + 1) % 20], minimum_m, maximum_m })
+    };
+    let constraints: Vec<_> = (0..10).map(next(4.0, 9.0)).chain((10..20).map(next(0.0, 12.0))).collect();
+    let (components, acted) = compare(&group, &constraints, &options);
+    assert!(components == 1 && acted > 15, "{components} {acted}");
+}
+
 /// The third phone pulls the second one away from the first, so that the distance of those two, idle at first, is violated.
 #[test]
 fn a_constraint_that_others_violate_connects_its_phones() {
