@@ -17,26 +17,33 @@ const NEW_BIAS_SIGMA_M: f64 = 1e4;
 const JUMP_M: f64 = 15.0;
 const JUMP_SIGMAS: f64 = 5.0;
 
+/// Innovation of one observation before its bias: clock group, value (m) and weight (1/m²).
+type Innovation = (ClockGroup, f64, f64);
+
 impl JointFilter {
     /// Prepares the bias states of a phone for an epoch's observations: new groups get a state, and one that has jumped is estimated anew.
     pub(super) fn prepare_biases(&mut self, slot: usize, observations: &[&CorrectedObservation]) {
         let groups = ClockGroups::of(observations.iter().copied());
         let position = self.position(slot);
-        let innovations = |group: ClockGroup| -> Vec<(f64, f64)> {
-            let of_group = observations.iter().filter(|o| o.clock_group() == group);
-            of_group.map(|o| code_row(o, position, &groups)).map(|row| (row.y, row.weight)).collect()
+        let innovation = |o: &&CorrectedObservation| -> Innovation {
+            let row = code_row(o, position, &groups);
+            (o.clock_group(), row.y, row.weight)
         };
-        let largest = groups.list().iter().copied().max_by_key(|group| innovations(*group).len());
+        let innovations: Vec<Innovation> = observations.iter().map(innovation).collect();
+        let size = |group: &ClockGroup| innovations.iter().filter(|(of, ..)| of == group).count();
+        let largest = groups.list().iter().copied().max_by_key(size);
         let Some(reference) = self.slots[slot].reference.or(largest) else { return };
         self.slots[slot].reference = Some(reference);
-        let clock_m = self.clock_m(slot, reference, &groups, &innovations);
+        let clock_m = self.clock_m(slot, reference, &innovations);
         let is_free = self.options.bias_walk_m2ps.is_infinite();
         for group in groups.list().iter().copied().filter(|group| *group != reference) {
-            let measured_m = median(innovations(group)) - clock_m;
+            let own = of_group(&innovations, group);
+            let (count, weight) = (own.len(), own.iter().map(|(_, weight)| weight).sum());
+            let measured_m = median(own) - clock_m;
             match self.slots[slot].bias(group) {
                 Some(place) => {
                     let index = self.slots[slot].at + super::STATES_PER_PHONE + place;
-                    if is_free || self.has_jumped(index, measured_m, &innovations(group)) {
+                    if is_free || (count > 1 && self.has_jumped(index, measured_m, weight)) {
                         self.reopen(index, measured_m, NEW_BIAS_SIGMA_M.powi(2));
                     }
                 }
@@ -46,30 +53,28 @@ impl JointFilter {
     }
 
     /// Clock of the reference group in this epoch: its own median, or, without one of its satellites, that of the groups with known biases.
-    fn clock_m(
-        &self,
-        slot: usize,
-        reference: ClockGroup,
-        groups: &ClockGroups,
-        innovations: &impl Fn(ClockGroup) -> Vec<(f64, f64)>,
-    ) -> f64 {
-        let own = innovations(reference);
+    fn clock_m(&self, slot: usize, reference: ClockGroup, innovations: &[Innovation]) -> f64 {
+        let own = of_group(innovations, reference);
         if !own.is_empty() {
             return median(own);
         }
-        let known = groups.list().iter().filter_map(|group| {
+        let known = innovations.iter().filter_map(|(group, y, weight)| {
             let place = self.slots[slot].bias(*group)?;
-            let bias_m = self.mean[self.slots[slot].at + super::STATES_PER_PHONE + place];
-            Some(innovations(*group).into_iter().map(move |(y, weight)| (y - bias_m, weight)))
+            Some((y - self.mean[self.slots[slot].at + super::STATES_PER_PHONE + place], *weight))
         });
-        median(known.flatten().collect())
+        median(known.collect())
     }
 
-    /// Whether the innovations of a group contradict its bias together. One satellite alone may be an outlier.
-    fn has_jumped(&self, index: usize, measured_m: f64, innovations: &[(f64, f64)]) -> bool {
+    /// Whether the median innovation of several satellites of a group, with this sum of weights, contradicts its bias. One satellite alone may
+    /// be an outlier.
+    fn has_jumped(&self, index: usize, measured_m: f64, weight: f64) -> bool {
         let off_m = (measured_m - self.mean[index]).abs();
-        let weight: f64 = innovations.iter().map(|(_, weight)| weight).sum();
         let sigma_m = (self.covariance[(index, index)] + 1.0 / weight).sqrt();
-        innovations.len() > 1 && off_m > JUMP_M && off_m > JUMP_SIGMAS * sigma_m
+        off_m > JUMP_M && off_m > JUMP_SIGMAS * sigma_m
     }
+}
+
+/// Values and weights of one group.
+fn of_group(innovations: &[Innovation], group: ClockGroup) -> Vec<(f64, f64)> {
+    innovations.iter().filter(|(of, ..)| *of == group).map(|(_, y, weight)| (*y, *weight)).collect()
 }
