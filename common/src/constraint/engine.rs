@@ -5,7 +5,7 @@
 //! information is applied twice, whatever the order and number of applications. Both methods use this loop; they differ in the constraints
 //! that are applied again and in the end of the loop.
 //!
-//! The rows of a constraint are applied to its vector of three components (see [`super::local`]); then the state follows: O(n²) per
+//! The rows of a constraint are applied to its vector of three components (see `constraint::local`); then the state follows: O(n²) per
 //! constraint for n states.
 
 use nalgebra::{DMatrix, DVector, Vector3};
