@@ -10,6 +10,8 @@ use super::rows::Placed;
 const LARGE: usize = 48;
 /// Number of changes that are collected.
 const COLLECTED: usize = 8;
+/// Number of columns in a block of the covariance, whose rows begin at the diagonal.
+const BLOCK: usize = 48;
 
 /// A Gaussian state with sites. While constraints are applied only the lower triangle of its covariance is kept.
 pub(super) struct Posterior {
@@ -133,13 +135,20 @@ impl Posterior {
         }
     }
 
-    /// Applies the collected changes. The upper triangle, which is not read, gets what it gets.
+    /// Applies the collected changes to the lower triangle. Above the diagonal, which is not read, blocks are changed in part.
     fn add_collected(&mut self) {
-        if !self.pending.columns.is_empty() {
-            let (scaled, columns) = self.pending.matrices(self.state.len());
-            self.covariance.gemm(1.0, &scaled, &columns.transpose(), 1.0);
-            self.pending = Pending::default();
+        if self.pending.columns.is_empty() {
+            return;
         }
+        let n = self.state.len();
+        let (scaled, columns) = self.pending.matrices(n);
+        for start in (0..n).step_by(BLOCK) {
+            let (rows, width) = (n - start, BLOCK.min(n - start));
+            let factors = columns.rows(start, width).transpose();
+            let mut block = self.covariance.view_mut((start, start), (rows, width));
+            block.gemm(1.0, &scaled.rows(start, rows), &factors, 1.0);
+        }
+        self.pending = Pending::default();
     }
 
     /// P ← P + (PJᵀM)(PJᵀ)ᵀ in the lower triangle.
