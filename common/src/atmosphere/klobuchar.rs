@@ -9,7 +9,7 @@ use crate::frames::{Direction, Geodetic};
 use crate::time::GpsTime;
 
 /// Frequency of the model's delay, Hz: GPS L1, Galileo E1, BeiDou B1C.
-const L1_HZ: f64 = 1575.42e6;
+pub(crate) const L1_HZ: f64 = 1575.42e6;
 /// Night delay, s.
 pub(super) const NIGHT_S: f64 = 5e-9;
 /// Local time of the maximum, s.

@@ -14,11 +14,11 @@ mod shell;
 mod troposphere;
 
 pub use ionosphere_map::{Ionex, IonosphereMap, IonosphereMaps, NoTec};
-pub(crate) use klobuchar::scale_delay;
 pub use klobuchar::{KlobucharCoefficients, klobuchar_delay_l1_m, scale_from_l1};
+pub(crate) use klobuchar::{L1_HZ, scale_delay};
 pub use klobuchar_beidou::{B1I_HZ, beidou_klobuchar_delay_b1i_m};
 pub(crate) use map_axis::Axis;
 pub use niell::NiellMapping;
 pub use saastamoinen::{STANDARD_RELATIVE_HUMIDITY, ZenithDelay, saastamoinen_zenith_delay};
-pub(crate) use shell::Shell;
+pub(crate) use shell::{Crossing, Shell};
 pub use troposphere::{Troposphere, TroposphereMapping};

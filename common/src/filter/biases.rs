@@ -7,9 +7,8 @@
 use super::JointFilter;
 use super::weights::median;
 use crate::gnss::ClockGroup;
-use crate::measurement::CorrectedObservation;
+use crate::solve::elimination::Row;
 use crate::solve::groups::ClockGroups;
-use crate::solve::position::code_row;
 
 /// Standard deviation of a new bias about the median of its first epoch, m.
 const NEW_BIAS_SIGMA_M: f64 = 1e4;
@@ -21,15 +20,11 @@ const JUMP_SIGMAS: f64 = 5.0;
 type Innovation = (ClockGroup, f64, f64);
 
 impl JointFilter {
-    /// Prepares the bias states of a phone for an epoch's observations: new groups get a state, and one that has jumped is estimated anew.
-    pub(super) fn prepare_biases(&mut self, slot: usize, observations: &[&CorrectedObservation]) {
-        let groups = ClockGroups::of(observations.iter().copied());
-        let position = self.position(slot);
-        let innovation = |o: &&CorrectedObservation| -> Innovation {
-            let row = code_row(o, position, &groups);
-            (o.clock_group(), row.y, row.weight)
-        };
-        let innovations: Vec<Innovation> = observations.iter().map(innovation).collect();
+    /// Prepares the bias states of a phone for the code rows of an epoch about its predicted position: new groups get a state, and one that
+    /// has jumped is estimated anew.
+    pub(super) fn prepare_biases(&mut self, slot: usize, groups: &ClockGroups, code: &[Row]) {
+        let innovation = |row: &Row| -> Innovation { (groups.list()[row.group], row.y, row.weight) };
+        let innovations: Vec<Innovation> = code.iter().map(innovation).collect();
         let size = |group: &ClockGroup| innovations.iter().filter(|(of, ..)| of == group).count();
         let largest = groups.list().iter().copied().max_by_key(size);
         let Some(reference) = self.slots[slot].reference.or(largest) else { return };

@@ -16,7 +16,7 @@
 use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::atmosphere::scale_from_l1;
+use crate::atmosphere::{Crossing, L1_HZ, Shell, scale_from_l1};
 use crate::frames::Direction;
 use crate::gnss::SatelliteId;
 use crate::measurement::CorrectedObservation;
@@ -25,12 +25,10 @@ use crate::measurement::CorrectedObservation;
 const IONOSPHERE_STATES: usize = 3;
 /// Distance of an ionospheric pierce point for which the gradient's standard deviation is stated, rad on the Earth's surface (320 km).
 const GRADIENT_DISTANCE_RAD: f64 = 0.05;
-/// Frequency for a signal whose own is unknown, Hz: L1.
-const NOMINAL_HZ: f64 = 1575.42e6;
 /// Vertical delay on L1 of the night, m: the constant of the Klobuchar model, 5 ns. Only what exceeds it has gradients.
 const NIGHT_DELAY_M: f64 = 1.5;
-/// Radius of the ionospheric shell in Earth radii (350 km).
-const SHELL_RADII: f64 = 1.0 + 350.0 / 6371.0;
+/// The ionospheric shell.
+const SHELL: Shell = Shell::new(6_371e3, 350e3);
 
 /// Errors that all phones share.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -244,20 +242,14 @@ fn ionosphere(observation: &CorrectedObservation) -> Vector3<f64> {
         return Vector3::zeros();
     }
     let Direction { azimuth_rad, elevation_rad } = observation.direction;
-    let (distance_rad, mapping) = pierce_point(elevation_rad);
+    let Crossing { centre_rad, zenith_rad } = SHELL.crossing(elevation_rad);
+    let mapping = 1.0 / zenith_rad.cos();
     let constellation = observation.satellite.constellation;
-    let frequency_hz = observation.signal.frequency_hz(constellation, Some(0)).unwrap_or(NOMINAL_HZ);
+    let frequency_hz = observation.signal.frequency_hz(constellation, Some(0)).unwrap_or(L1_HZ);
     let night_m = scale_from_l1(NIGHT_DELAY_M, frequency_hz) * mapping;
-    let gradient_m = (delay_m - night_m).max(0.0) * distance_rad / GRADIENT_DISTANCE_RAD;
+    let gradient_m = (delay_m - night_m).max(0.0) * centre_rad / GRADIENT_DISTANCE_RAD;
     let (sin, cos) = azimuth_rad.sin_cos();
     Vector3::new(delay_m.max(night_m), gradient_m * cos, gradient_m * sin)
-}
-
-/// Angle at the Earth's centre from the receiver to the ionospheric pierce point, rad, and the mapping of vertical to slant delay.
-fn pierce_point(elevation_rad: f64) -> (f64, f64) {
-    let sine = (elevation_rad.cos() / SHELL_RADII).clamp(-1.0, 1.0);
-    let psi_rad = std::f64::consts::FRAC_PI_2 - elevation_rad - sine.asin();
-    (psi_rad, 1.0 / (1.0 - sine * sine).sqrt())
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 use nalgebra::Matrix3;
 
 use super::information::Measured;
+use super::weights::mean;
 use crate::measurement::CorrectedObservation;
 
 /// Time over which the level is averaged, s.
@@ -36,8 +37,7 @@ impl NoiseLevel {
         observations: &[&CorrectedObservation],
         prior: &Matrix3<f64>,
     ) {
-        let total: f64 = rows.iter().map(|row| row.weight).sum();
-        let clock = rows.iter().map(|row| row.weight * row.y).sum::<f64>() / total;
+        let Some(clock) = mean(rows) else { return };
         // An innovation that is mostly the prediction's error says nothing about the noise.
         let square = |(row, observation): (&Measured, &&CorrectedObservation)| {
             let (noise, predicted) = (observation.pseudorange_sigma_m.powi(2), row.h.dot(&(prior * row.h)));
@@ -45,12 +45,12 @@ impl NoiseLevel {
                 .then(|| ((row.y - clock).powi(2) / (noise + predicted)).min(LARGEST * LARGEST))
         };
         let squares: Vec<f64> = rows.iter().zip(observations).filter_map(square).collect();
-        if squares.len() < FEWEST || total <= 0.0 {
+        if squares.len() < FEWEST {
             return;
         }
-        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+        let mean_square = squares.iter().sum::<f64>() / squares.len() as f64;
         let keep = (-interval_s.max(0.0) / AVERAGED_S).exp();
-        self.sum = keep * self.sum + (1.0 - keep) * mean;
+        self.sum = keep * self.sum + (1.0 - keep) * mean_square;
         self.weight = keep * self.weight + (1.0 - keep);
     }
 

@@ -12,6 +12,7 @@ use super::weights::reweight;
 use super::{JointFilter, STATES_PER_PHONE};
 use crate::frames::Ecef;
 use crate::measurement::{CorrectedObservation, Usage};
+use crate::solve::elimination::Row;
 use crate::solve::groups::ClockGroups;
 use crate::solve::position::code_row;
 use crate::solve::velocity::rate_row;
@@ -96,24 +97,25 @@ impl JointFilter {
         position: Ecef,
         observations: &[&CorrectedObservation],
     ) -> (Kept, Innovation) {
-        self.prepare_biases(slot, observations);
-        let inflation = self.options.code_noise.inflation(self.silence_s(slot));
+        let groups = ClockGroups::of(observations.iter().copied());
+        let code: Vec<Row> = observations.iter().map(|o| code_row(o, position, &groups)).collect();
+        self.prepare_biases(slot, &groups, &code);
+        let interval_s = self.silence_s(slot);
+        let inflation = self.options.code_noise.inflation(interval_s);
         let known = &self.slots[slot];
         let lasting_weight = self.options.lasting_weight;
-        let groups = ClockGroups::of(observations.iter().copied());
-        let row = |o: &&CorrectedObservation| {
-            let row = code_row(o, position, &groups);
+        let row = |(row, o): (&Row, &&CorrectedObservation)| {
             let bias = known.bias(o.clock_group());
             let bias_m = bias.map_or(0.0, |place| self.mean[known.at + STATES_PER_PHONE + place]);
             let variance_m2 = o.noise_variance_m2() + lasting_weight * o.shared.satellite_sigma_m.powi(2);
             Measured { h: row.h, bias, y: row.y - bias_m, weight: 1.0 / (inflation * variance_m2) }
         };
-        let mut rows: Vec<Measured> = observations.iter().map(row).collect();
+        let mut rows: Vec<Measured> = code.iter().zip(observations).map(row).collect();
         let states: Vec<usize> =
             (known.at..known.at + 3).chain(known.at + STATES_PER_PHONE..known.at + known.len()).collect();
-        let factors = reweight(&mut rows, &self.prior(states[0]), self.options.robust);
+        let prior = self.prior(states[0]);
+        let factors = reweight(&mut rows, &prior, self.options.robust);
         let information = Information::new(&rows, states.len());
-        let (interval_s, prior) = (self.silence_s(slot), self.prior(states[0]));
         self.slots[slot].noise_level.take(interval_s, &rows, observations, &prior);
         let level = self.slots[slot].noise_level.factor();
         let (gain, innovation) = self.apply(&states, &information);

@@ -32,7 +32,7 @@ pub(super) fn reweight(rows: &mut [Measured], prior: &Matrix3<f64>, robust: Robu
 }
 
 /// Weighted mean of the innovations; `None` without weight.
-fn mean(rows: &[Measured]) -> Option<f64> {
+pub(super) fn mean(rows: &[Measured]) -> Option<f64> {
     let total: f64 = rows.iter().map(|row| row.weight).sum();
     let sum: f64 = rows.iter().map(|row| row.weight * row.y).sum();
     (total > 0.0).then(|| sum / total)

@@ -38,8 +38,8 @@ pub struct CorrectionOptions {
     /// Standard deviation of BeiDou's clocks and group delays together, m. It is larger than for the other systems: TGD1 enters
     /// B1I with a factor of 1.94 on precise clocks, and receivers treat second- and third-generation satellites differently.
     pub beidou_bias_sigma_m: f64,
-    /// Whether the variation of BeiDou-2's B1I pseudoranges with elevation is corrected. On four recorded drives it changes horizontal
-    /// errors by at most 0.04 m, three of them to the better, so it is off by default.
+    /// Whether the variation of BeiDou-2's B1I pseudoranges with elevation is corrected, as by default. On four recorded drives it changes
+    /// horizontal errors by at most 0.04 m, three of them to the better.
     pub beidou2_code_bias: bool,
     /// Standard deviation of GLONASS' biases between frequency channels, m. All channels of a band share one receiver
     /// clock here, but their delays in the receiver's filters differ, by metres in cheap receivers.
