@@ -4,7 +4,7 @@ mod receive_time;
 
 use std::sync::Arc;
 
-use crate::filter::{FilterOptions, JointFilter, Start};
+use crate::filter::{Admitted, FilterOptions, JointFilter, PhoneEpoch, Unsound};
 use crate::frames::Ecef;
 use crate::gnss::ObservationEpoch;
 use crate::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim};
@@ -176,7 +176,8 @@ impl PhonePipeline {
             self.position = Some(solution.position);
         }
         let time_gps = self.receive_time(tag_gps, wls.as_ref(), report.verdict);
-        self.filter(time_gps, &observations, wls.as_ref().map(|solution| (solution, report.verdict)));
+        let solution = wls.as_ref().map(|solution| (solution, report.verdict));
+        self.filter(&PhoneEpoch { time_gps, observations: &observations, wls: solution });
         let message = EpochMessage {
             phone: self.phone.clone(),
             sequence: self.sequence,
@@ -272,44 +273,18 @@ impl PhonePipeline {
         (Vec::new(), Monitored { fit: Err(step), report })
     }
 
-    fn filter(
-        &mut self,
-        time_gps: GpsTime,
-        observations: &[CorrectedObservation],
-        wls: Option<(&PointSolution, Verdict)>,
-    ) {
-        for (_, silence_s) in self.filter.drop_silent(time_gps) {
-            self.skips.add(Reason::LocalFilterRestarted, || {
-                format!("{time_gps}: no measurement for {silence_s:.1} s")
-            });
+    /// Takes the epoch into the local filter.
+    fn filter(&mut self, epoch: &PhoneEpoch<'_>) {
+        let time_gps = epoch.time_gps;
+        let Admitted { late_s, silent, was_lost, unsound, .. } = self.filter.admit(0, epoch);
+        if let Some(late_s) = late_s {
+            self.skips.add(Reason::EpochBeforeFilterTime, || format!("{time_gps}, {late_s:.3} s late"));
         }
-        self.filter.predict(time_gps);
-        if let Some((solution, verdict)) = wls {
-            self.filter.compare(0, solution, verdict);
-        }
-        if let Some(reason) = self.restart_reason() {
-            if !self.filter.is_empty() {
-                self.skips.add(Reason::LocalFilterRestarted, || format!("{time_gps}: {reason}"));
-                self.filter.remove(0);
-            }
-            if let Some((solution, verdict)) = wls {
-                self.filter.insert(0, time_gps, &Start::at_solution(solution, verdict));
-            }
-        } else if !observations.is_empty() {
-            self.filter.update(0, observations);
-        }
-    }
-
-    /// Reason for restarting the local filter, if there is one.
-    fn restart_reason(&self) -> Option<&'static str> {
-        if self.filter.is_empty() {
-            Some("no state yet")
-        } else if self.filter.is_lost(0) {
-            Some("most pseudoranges contradict the prediction")
-        } else if !self.filter.is_sound() {
-            Some("state not finite or variance not positive")
-        } else {
-            None
+        let gap = silent.first().map(|(_, silence_s)| format!("no measurement for {silence_s:.1} s"));
+        let lost = was_lost.then(|| "its measurements contradict the prediction".to_owned());
+        let spoilt = (unsound != Unsound::None).then(|| "state not finite or variance not positive".to_owned());
+        for reason in [gap, lost, spoilt].into_iter().flatten() {
+            self.skips.add(Reason::LocalFilterRestarted, || format!("{time_gps}: {reason}"));
         }
     }
 }

@@ -20,6 +20,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod admit;
 mod biases;
 mod consider;
 mod information;
@@ -32,6 +33,7 @@ mod slots;
 mod update;
 mod weights;
 
+pub use admit::{Admitted, PhoneEpoch, Unsound};
 pub use consider::SharedErrors;
 pub use joint::{JointFilter, Kept, Start};
 pub use options::{CodeNoise, FilterOptions, Motion, ProcessNoise, RobustWeights};

@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, SMatrix};
 use super::engine::EngineOptions;
 use crate::constraint::FreePhone;
 use crate::constraint::second::Between;
-use crate::filter::{JointFilter, PhoneState, STATES_PER_PHONE, Start, UpdateReport};
+use crate::filter::{JointFilter, PhoneEpoch, PhoneState, STATES_PER_PHONE, Unsound, UpdateReport};
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
@@ -82,11 +82,12 @@ impl Filters {
         let mut uncounted = Skips::default();
         let counted = self.fed_back.is_none();
         for filter in &mut self.free {
-            drop_silent(filter, time_gps, names, if counted { skips } else { &mut uncounted });
+            let silent = filter.drop_silent(time_gps);
+            count_silent(&silent, time_gps, names, if counted { skips } else { &mut uncounted });
             filter.predict(time_gps);
         }
         if let Some(joint) = &mut self.fed_back {
-            drop_silent(joint, time_gps, names, skips);
+            count_silent(&joint.drop_silent(time_gps), time_gps, names, skips);
             joint.predict(time_gps);
         }
     }
@@ -196,7 +197,7 @@ impl Output {
     }
 }
 
-/// Updates a filter with a message, or starts the phone from the message's solution.
+/// Takes a message into a filter, and counts what became of it.
 fn admit(
     filter: &mut JointFilter,
     phone: usize,
@@ -204,61 +205,33 @@ fn admit(
     names: &[String],
     skips: &mut Skips,
 ) -> Option<UpdateReport> {
-    if !filter.is_empty() && message.time_gps < filter.time_gps() {
-        let (name, time) = (&message.phone, message.time_gps);
-        let late_s = filter.time_gps() - time;
-        skips.add(Reason::EpochBeforeFilterTime, || format!("{name} at {time}, {late_s:.3} s late"));
-        return None;
+    let (name, time_gps) = (&message.phone, message.time_gps);
+    let wls = message.wls.as_ref().map(|solution| (solution, message.raim.verdict));
+    let admitted =
+        filter.admit(phone, &PhoneEpoch { time_gps, observations: &message.observations, wls });
+    if let Some(late_s) = admitted.late_s {
+        skips.add(Reason::EpochBeforeFilterTime, || format!("{name} at {time_gps}, {late_s:.3} s late"));
     }
-    drop_silent(filter, message.time_gps, names, skips);
-    filter.predict(message.time_gps);
-    let slot = filter.slot(phone);
-    if let Some((slot, solution)) = slot.zip(message.wls.as_ref()) {
-        filter.compare(slot, solution, message.raim.verdict);
+    count_silent(&admitted.silent, time_gps, names, skips);
+    if admitted.was_lost {
+        skips.add(Reason::LostPhoneRestarted, || {
+            format!("{name} at {time_gps}: its measurements contradict the prediction")
+        });
     }
-    let lost = slot.is_some_and(|slot| filter.is_lost(slot));
-    let mut update = None;
-    match (slot, &message.wls) {
-        (_, Some(solution)) if slot.is_none() || lost => {
-            if lost {
-                skips.add(Reason::LostPhoneRestarted, || {
-                    format!(
-                        "{} at {}: its pseudoranges contradict the prediction",
-                        message.phone, message.time_gps
-                    )
-                });
-            }
-            filter.insert(phone, message.time_gps, &Start::at_solution(solution, message.raim.verdict));
-        }
-        (Some(slot), _) if !message.observations.is_empty() => {
-            update = Some(filter.update(slot, &message.observations));
-        }
-        _ => {}
+    let unsound = || format!("state not sound after {name} at {time_gps}");
+    if admitted.unsound != Unsound::None {
+        skips.add(Reason::PhoneTakenOutOfFilter, unsound);
     }
-    remove_unsound(filter, phone, message, skips);
-    update
+    if admitted.unsound == Unsound::All {
+        skips.add(Reason::JointFilterRestarted, unsound);
+    }
+    admitted.update
 }
 
-/// Removes the phone whose message made the state unusable; if that does not help, all phones.
-fn remove_unsound(filter: &mut JointFilter, phone: usize, message: &EpochMessage, skips: &mut Skips) {
-    if filter.is_sound() {
-        return;
-    }
-    let describe = || format!("state not sound after {} at {}", message.phone, message.time_gps);
-    if let Some(slot) = filter.slot(phone) {
-        filter.remove(slot);
-        skips.add(Reason::PhoneTakenOutOfFilter, describe);
-    }
-    if !filter.is_sound() {
-        filter.clear();
-        skips.add(Reason::JointFilterRestarted, describe);
-    }
-}
-
-/// Removes phones whose silence is too long for prediction.
-fn drop_silent(filter: &mut JointFilter, time_gps: GpsTime, names: &[String], skips: &mut Skips) {
-    for (phone, silence_s) in filter.drop_silent(time_gps) {
-        let name = names.get(phone).map_or("?", String::as_str);
+/// Counts phones that were removed since their silence was too long for prediction.
+fn count_silent(silent: &[(usize, f64)], time_gps: GpsTime, names: &[String], skips: &mut Skips) {
+    for (phone, silence_s) in silent {
+        let name = names.get(*phone).map_or("?", String::as_str);
         skips.add(Reason::SilentPhoneDropped, || format!("{name} at {time_gps} after {silence_s:.1} s"));
     }
 }
