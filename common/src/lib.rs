@@ -78,6 +78,7 @@ pub mod gnss;
 pub mod integrity;
 pub mod measurement;
 pub mod orbit;
+pub(crate) mod phase;
 pub mod pipeline;
 pub mod recording;
 pub mod settings;

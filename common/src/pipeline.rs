@@ -6,13 +6,14 @@ use std::sync::Arc;
 
 use crate::filter::{Admitted, FilterOptions, JointFilter, PhoneEpoch, Unsound};
 use crate::frames::Ecef;
-use crate::gnss::ObservationEpoch;
+use crate::gnss::{EpochFlag, ObservationEpoch};
 use crate::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim};
 use crate::measurement::{
-    CorrectedObservation, CorrectionOptions, Corrector, Differential, DifferentialCounts,
-    DifferentialOptions, PreparedObservation, RecordedEpoch, StochasticModel, without_position,
+    Carriers, CorrectedObservation, CorrectionOptions, Corrector, Differential, DifferentialCounts,
+    DifferentialOptions, Finished, PreparedObservation, RecordedEpoch, StochasticModel, without_position,
 };
 use crate::orbit::Products;
+use crate::phase::{CarrierEpoch, PhaseTracker};
 use crate::skips::{Reason, Skips};
 use crate::solve::{PointSolution, SolveError, solve_velocity};
 use crate::time::GpsTime;
@@ -62,6 +63,7 @@ pub struct PhonePipeline {
     options: PipelineOptions,
     position: Option<Ecef>,
     times: ReceiveTimes,
+    phases: PhaseTracker,
     filter: JointFilter,
     /// Differential corrections from base stations, if used.
     differential: Option<Differential>,
@@ -80,6 +82,7 @@ impl PhonePipeline {
             options,
             position: None,
             times: ReceiveTimes::default(),
+            phases: PhaseTracker::default(),
             differential: None,
             differential_counts: DifferentialCounts::default(),
             skips: Skips::default(),
@@ -120,6 +123,9 @@ impl PhonePipeline {
     /// Processes one epoch. Epochs must be in order of time.
     pub fn process(&mut self, epoch: &ObservationEpoch) -> EpochMessage {
         let prepared = self.corrector.prepare(epoch);
+        if epoch.flag == EpochFlag::PowerFailure {
+            self.phases.interrupt();
+        }
         self.process_prepared(epoch.time_gps, &prepared)
     }
 
@@ -154,7 +160,7 @@ impl PhonePipeline {
     }
 
     fn process_prepared(&mut self, tag_gps: GpsTime, prepared: &[PreparedObservation]) -> EpochMessage {
-        let (observations, Monitored { fit, report }) = self.solve(tag_gps, prepared);
+        let (Seen { mut observations, carriers }, Monitored { fit, report }) = self.solve(tag_gps, prepared);
         let wls = match &fit {
             Ok(fit) => {
                 let solution = fit.to_solution(solve_velocity(&observations, fit.position()));
@@ -176,19 +182,35 @@ impl PhonePipeline {
             self.position = Some(solution.position);
         }
         let time_gps = self.receive_time(tag_gps, wls.as_ref(), report.verdict);
+        let changes_since_gps = self.range_changes(time_gps, &mut observations, &carriers, wls.as_ref());
         let solution = wls.as_ref().map(|solution| (solution, report.verdict));
-        self.filter(&PhoneEpoch { time_gps, observations: &observations, wls: solution });
+        self.filter(&PhoneEpoch { time_gps, observations: &observations, changes_since_gps, wls: solution });
         let message = EpochMessage {
             phone: self.phone.clone(),
             sequence: self.sequence,
             time_gps,
             observations,
+            changes_since_gps,
             wls,
             local: self.filter.state(0),
             raim: report,
         };
         self.sequence += 1;
         message
+    }
+
+    /// Gives observations their changes of range since the epoch before. Returns that epoch's time.
+    fn range_changes(
+        &mut self,
+        time_gps: GpsTime,
+        observations: &mut [CorrectedObservation],
+        carriers: &Carriers,
+        wls: Option<&PointSolution>,
+    ) -> Option<GpsTime> {
+        let position = self.position?;
+        let velocity = wls.and_then(|solution| solution.velocity).map(|velocity| velocity.velocity);
+        let epoch = CarrierEpoch { time_gps, carriers, position, velocity };
+        self.phases.take(&epoch, observations, &mut self.skips)
     }
 
     /// Time of reception by the receiver's clock of a solution that passed the integrity tests or could not be tested.
@@ -216,11 +238,7 @@ impl PhonePipeline {
     /// again if the solution is far from it. Where the last known position leads to no solution, it may be wrong, and the solution without
     /// atmosphere is tried. If that leads to none either, because there are too few satellites, the corrections for the last known position
     /// remain, and the filter goes on with them.
-    fn solve(
-        &mut self,
-        time_gps: GpsTime,
-        prepared: &[PreparedObservation],
-    ) -> (Vec<CorrectedObservation>, Monitored) {
+    fn solve(&mut self, time_gps: GpsTime, prepared: &[PreparedObservation]) -> (Seen, Monitored) {
         let known = self.position.take();
         let start = known.unwrap_or_else(|| self.rough_position(prepared));
         let solved = self.solve_from(prepared, start, time_gps);
@@ -246,10 +264,11 @@ impl PhonePipeline {
         prepared: &[PreparedObservation],
         start: Ecef,
         time_gps: GpsTime,
-    ) -> (Vec<CorrectedObservation>, Monitored) {
+    ) -> (Seen, Monitored) {
         let mut seen_from = start;
         for _ in 0..MOST_CORRECTIONS {
-            let (mut observations, masked) = self.corrector.finish(prepared, seen_from, time_gps);
+            let Finished { mut observations, carriers, masked } =
+                self.corrector.finish_with_carriers(prepared, seen_from, time_gps);
             let applied = self.differential.as_mut().map(|d| d.apply(&mut observations, seen_from, time_gps));
             let monitored = without_absurd(solve_with_raim(&mut observations, seen_from, &self.options.raim));
             let moved_m = monitored.fit.as_ref().map_or(0.0, |fit| fit.position().distance_m(seen_from));
@@ -264,13 +283,13 @@ impl PhonePipeline {
                         observation.residual_m = fit.residual_of(observation);
                     }
                 }
-                return (observations, monitored);
+                return (Seen { observations, carriers }, monitored);
             }
             seen_from = monitored.fit.map_or(seen_from, |fit| fit.position());
         }
         let step = SolveError::Diverged { step_m: RECORRECT_M };
         let report = RaimReport { verdict: Verdict::CannotBeChecked, global_test: None, excluded: 0 };
-        (Vec::new(), Monitored { fit: Err(step), report })
+        (Seen::default(), Monitored { fit: Err(step), report })
     }
 
     /// Takes the epoch into the local filter.
@@ -282,11 +301,19 @@ impl PhonePipeline {
         }
         let gap = silent.first().map(|(_, silence_s)| format!("no measurement for {silence_s:.1} s"));
         let lost = was_lost.then(|| "its measurements contradict the prediction".to_owned());
-        let spoilt = (unsound != Unsound::None).then(|| "state not finite or variance not positive".to_owned());
+        let spoilt =
+            (unsound != Unsound::None).then(|| "state not finite or variance not positive".to_owned());
         for reason in [gap, lost, spoilt].into_iter().flatten() {
             self.skips.add(Reason::LocalFilterRestarted, || format!("{time_gps}: {reason}"));
         }
     }
+}
+
+/// Corrected observations of an epoch and their carriers.
+#[derive(Default)]
+struct Seen {
+    observations: Vec<CorrectedObservation>,
+    carriers: Carriers,
 }
 
 /// A solution whose residuals are absurd is none: neither a position nor a start of the filter. The report stays.

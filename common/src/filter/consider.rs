@@ -175,6 +175,12 @@ impl Consider {
         self.covariance = covariance.remove_rows(at, states).remove_columns(at, states);
     }
 
+    /// Takes states anew in this order; some may occur twice.
+    pub fn select(&mut self, places: &[usize]) {
+        self.cross = self.cross.select_rows(places);
+        self.covariance = self.covariance.select_rows(places).select_columns(places);
+    }
+
     /// Decorrelates the shared states over a time.
     pub fn age(&mut self, dt_s: f64) {
         self.cross *= (-dt_s / self.options.time_constant_s).exp();
@@ -300,7 +306,7 @@ mod tests {
     /// Weights and variances of the noise alone of the code rows, as the filter takes them.
     fn model(filter: &JointFilter, observations: &[CorrectedObservation]) -> (DMatrix<f64>, DMatrix<f64>) {
         let options = &filter.options;
-        let inflation = options.code_noise.inflation(1.0);
+        let inflation = options.code_noise.inflation(1.0, false);
         let diagonal = |value: &dyn Fn(&CorrectedObservation) -> f64| {
             DMatrix::from_diagonal(&DVector::from_iterator(
                 observations.len(),

@@ -14,12 +14,23 @@ const NEGLIGIBLE: f64 = 1e-12;
 pub(super) struct Measured {
     /// Partial derivatives with respect to position or velocity.
     pub h: Vector3<f64>,
-    /// Place of the group's bias among the unknowns after the first three; `None` for the reference group.
-    pub bias: Option<usize>,
+    /// Partial derivatives with respect to the unknowns after the first three.
+    pub other: Other,
     /// Observed minus computed, the predicted bias included.
     pub y: f64,
     /// 1/σ².
     pub weight: f64,
+}
+
+/// Partial derivatives with respect to the unknowns after the first three.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Other {
+    /// None, as for a satellite of the reference group.
+    None,
+    /// One for the bias at this place.
+    Bias(usize),
+    /// These with respect to the position at the epoch before.
+    Before(Vector3<f64>),
 }
 
 /// Compressed rows: z = Hx + noise of unit variance.
@@ -33,7 +44,7 @@ pub(super) struct Information {
 }
 
 impl Information {
-    /// Information about `unknowns` states: three and the biases.
+    /// Information about `unknowns` states: three and the others.
     pub fn new(rows: &[Measured], unknowns: usize) -> Self {
         let total: f64 = rows.iter().map(|row| row.weight).sum();
         let (mut mean, mut y_mean) = (DVector::zeros(unknowns), 0.0);
@@ -80,8 +91,14 @@ impl Measured {
         for (element, h) in sum.iter_mut().zip(self.h.iter()) {
             *element += factor * h;
         }
-        if let Some(bias) = self.bias {
-            sum[3 + bias] += factor;
+        match self.other {
+            Other::None => {}
+            Other::Bias(place) => sum[3 + place] += factor,
+            Other::Before(h) => {
+                for (element, h) in sum.iter_mut().skip(3).zip(h.iter()) {
+                    *element += factor * h;
+                }
+            }
         }
     }
 

@@ -160,6 +160,8 @@ impl JointFilter {
             measured: time_gps,
             reference: None,
             biases: Vec::new(),
+            kept: None,
+            is_tied: false,
             codes_rejected: 0,
             rates_rejected: 0,
             far: 0,
@@ -178,6 +180,11 @@ impl JointFilter {
         for later in self.slots.iter_mut().skip(slot) {
             later.at -= states;
         }
+        self.remove_states(at, states);
+    }
+
+    /// Removes states from the joint distribution (marginalisation).
+    pub(super) fn remove_states(&mut self, at: usize, states: usize) {
         let mean = std::mem::replace(&mut self.mean, DVector::zeros(0));
         self.mean = mean.remove_rows(at, states);
         let covariance = std::mem::replace(&mut self.covariance, DMatrix::zeros(0, 0));
@@ -242,14 +249,15 @@ impl JointFilter {
         }
         for slot in 0..self.slots.len() {
             let up = self.vertical(slot);
-            let (at, states) = (self.slots[slot].at, self.slots[slot].len());
+            let (at, biases) =
+                (self.slots[slot].at, self.slots[slot].first_bias()..self.slots[slot].behind_biases());
             // A bias that is free at every epoch is opened again by the update.
             let walk_m2ps = Some(self.options.bias_walk_m2ps).filter(|walk| walk.is_finite());
             let walk_m2 = walk_m2ps.unwrap_or_default() * step.seconds();
             let second = self.consider.as_mut().map(|consider| &mut consider.covariance);
             for covariance in std::iter::once(&mut self.covariance).chain(second) {
                 step.add_noise(covariance, at, &up, &self.options.process);
-                for bias in at + STATES_PER_PHONE..at + states {
+                for bias in biases.clone() {
                     covariance[(bias, bias)] += walk_m2;
                 }
             }
@@ -267,7 +275,11 @@ impl JointFilter {
     }
 
     pub(super) fn position(&self, slot: usize) -> Ecef {
-        let at = self.slots[slot].at;
+        self.position_at(self.slots[slot].at)
+    }
+
+    /// Position in three consecutive states.
+    pub(super) fn position_at(&self, at: usize) -> Ecef {
         Ecef::new(self.mean[at], self.mean[at + 1], self.mean[at + 2])
     }
 
@@ -311,7 +323,7 @@ impl JointFilter {
 
     /// Adds a state with this value and variance at the end of a phone's.
     pub(super) fn insert_bias(&mut self, slot: usize, group: ClockGroup, value_m: f64, variance_m2: f64) {
-        let index = self.slots[slot].at + self.slots[slot].len();
+        let index = self.slots[slot].behind_biases();
         self.slots[slot].biases.push(group);
         for later in self.slots.iter_mut().skip(slot + 1) {
             later.at += 1;

@@ -22,6 +22,7 @@
 
 mod admit;
 mod biases;
+mod changes;
 mod consider;
 mod information;
 mod joint;

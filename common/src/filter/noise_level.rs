@@ -63,6 +63,7 @@ impl NoiseLevel {
 
 #[cfg(test)]
 mod tests {
+    use super::super::information::Other;
     use super::*;
     use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
 
@@ -73,7 +74,7 @@ mod tests {
         let row = |(index, observation): (usize, &&CorrectedObservation)| {
             let (sign, sigma_m) = ([1.0, -1.0][index % 2], observation.pseudorange_sigma_m);
             let h = nalgebra::Vector3::zeros();
-            Measured { h, bias: None, y: 300.0 + sign * sigmas * sigma_m, weight: sigma_m.powi(-2) }
+            Measured { h, other: Other::None, y: 300.0 + sign * sigmas * sigma_m, weight: sigma_m.powi(-2) }
         };
         let rows: Vec<Measured> = offered.iter().enumerate().map(row).collect();
         let mut level = NoiseLevel::default();

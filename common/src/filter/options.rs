@@ -16,12 +16,16 @@ pub struct FilterOptions {
     /// Factor on the variance of a satellite's orbit, clock and group delay in the weights. They last, and no mean over epochs removes them,
     /// so they count more here than in the solution of one epoch.
     pub lasting_weight: f64,
+    /// The same factor for epochs that changes of range tie to the one before: the longer a filter remembers, the more lasting errors count.
+    pub tied_lasting_weight: f64,
     /// Factor on the standard deviation of a range rate.
     pub rate_sigma_scale: f64,
     /// Down-weighting of large innovations.
     pub robust: RobustWeights,
     /// Whether Doppler is used.
     pub use_rates: bool,
+    /// Whether changes of range by carrier phase are used.
+    pub use_changes: bool,
     /// Whether the filter takes only the observations that the phone's RAIM kept.
     pub only_used: bool,
     /// Errors that all phones share, for the second covariance.
@@ -95,20 +99,24 @@ pub struct RobustWeights {
 /// their mean has the variance of white noise of (1 − κ)σ² + κσ² coth(Δt/2τ), which is what the filter takes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CodeNoise {
-    /// κ, 0 to 1.
+    /// κ, 0 to 1, of a phone whose position is tied from epoch to epoch by Doppler alone: its filter forgets before the noise has changed.
     pub correlated_share: f64,
+    /// κ, 0 to 1, of a phone whose position is tied by changes of range: its filter remembers for minutes.
+    pub tied_share: f64,
     /// τ, s.
     pub correlation_time_s: f64,
 }
 
 impl CodeNoise {
     /// Factor on the variance for measurements `interval_s` apart.
-    pub fn inflation(&self, interval_s: f64) -> f64 {
-        if self.correlated_share <= 0.0 {
+    /// `is_tied`: whether changes of range tie the position to that of the measurements before.
+    pub fn inflation(&self, interval_s: f64, is_tied: bool) -> f64 {
+        let share = if is_tied { self.tied_share } else { self.correlated_share };
+        if share <= 0.0 {
             return 1.0;
         }
         let half = (interval_s / (2.0 * self.correlation_time_s)).max(1e-6);
-        1.0 + self.correlated_share * (1.0 / half.tanh() - 1.0)
+        1.0 + share * (1.0 / half.tanh() - 1.0)
     }
 }
 
@@ -123,12 +131,14 @@ impl FilterOptions {
                 acceleration_time_s: f64::INFINITY,
             },
             start_speed_mps: 15.0,
-            code_noise: CodeNoise { correlated_share: 0.0, correlation_time_s: 20.0 },
+            code_noise: CodeNoise { correlated_share: 0.0, tied_share: 0.0, correlation_time_s: 20.0 },
             bias_walk_m2ps: f64::INFINITY,
             lasting_weight: 1.0,
+            tied_lasting_weight: 1.0,
             rate_sigma_scale: 1.0,
             robust: RobustWeights { keep: f64::INFINITY, reject: f64::INFINITY },
             use_rates: false,
+            use_changes: false,
             only_used: true,
             shared: SharedErrors::NONE,
             maximum_gap_s: 10.0,
@@ -142,17 +152,19 @@ impl Default for FilterOptions {
         Self {
             process: Motion::Road.process(),
             start_speed_mps: Motion::Road.speed_mps(),
-            code_noise: CodeNoise { correlated_share: 0.077, correlation_time_s: 20.0 },
+            code_noise: CodeNoise { correlated_share: 0.077, tied_share: 0.3, correlation_time_s: 20.0 },
             bias_walk_m2ps: 0.003,
             lasting_weight: 1.8,
+            tied_lasting_weight: 3.0,
             rate_sigma_scale: 1.3,
             robust: RobustWeights { keep: 1.0, reject: 5.0 },
             use_rates: true,
+            use_changes: true,
             only_used: false,
             shared: SharedErrors {
-                satellite_sigma_m: 0.5,
-                satellite_share: 0.5,
-                ionosphere_share: 0.7,
+                satellite_sigma_m: 0.3,
+                satellite_share: 0.3,
+                ionosphere_share: 0.8,
                 gradient_share: 0.5,
                 time_constant_s: 7_200.0,
             },
@@ -195,15 +207,18 @@ mod tests {
     /// 1 − κ + κ(1 + ρ)/(1 − ρ) for many.
     #[test]
     fn correlated_noise_counts_as_much_as_the_mean_of_many_says() {
-        let noise = CodeNoise { correlated_share: 0.3, correlation_time_s: 20.0 };
+        let noise = CodeNoise { correlated_share: 0.3, tied_share: 0.0, correlation_time_s: 20.0 };
         for interval_s in [0.1_f64, 1.0, 5.0, 30.0, 300.0] {
             let correlation = (-interval_s / noise.correlation_time_s).exp();
             let sum: f64 = (1..10_000).map(|lag| correlation.powi(lag)).sum();
             let expected = 1.0 + 2.0 * noise.correlated_share * sum;
-            let inflation = noise.inflation(interval_s);
+            let inflation = noise.inflation(interval_s, false);
             assert!((inflation / expected - 1.0).abs() < 1e-9, "{interval_s} s: {inflation} {expected}");
         }
-        assert!((noise.inflation(1e4) - 1.0).abs() < 1e-9);
-        assert_eq!(CodeNoise { correlated_share: 0.0, ..noise }.inflation(0.1), 1.0);
+        assert!((noise.inflation(1e4, false) - 1.0).abs() < 1e-9);
+        assert_eq!(CodeNoise { correlated_share: 0.0, ..noise }.inflation(0.1, false), 1.0);
+        let tied = CodeNoise { correlated_share: 0.0, tied_share: 0.3, ..noise };
+        assert_eq!(tied.inflation(0.1, true), noise.inflation(0.1, false));
+        assert_eq!(noise.inflation(0.1, true), 1.0);
     }
 }

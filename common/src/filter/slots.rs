@@ -8,10 +8,14 @@ use crate::frames::Ecef;
 use crate::gnss::ClockGroup;
 use crate::time::GpsTime;
 
+/// Number of states of a kept position.
+pub(super) const KEPT_STATES: usize = 3;
+
 /// Number of steps between measurements from which a phone's interval is known.
 const STEPS: usize = 3;
 
-/// States of one phone: position, velocity, acceleration, and a bias for each clock group beside the reference.
+/// States of one phone: position, velocity, acceleration, a bias for each clock group beside the reference, and, from the end of an epoch to
+/// the phases of the next, the position at that epoch.
 #[derive(Clone, Debug)]
 pub(super) struct Slot {
     pub phone: usize,
@@ -25,6 +29,10 @@ pub(super) struct Slot {
     pub reference: Option<ClockGroup>,
     /// Clock groups with a bias, in the order of their states.
     pub biases: Vec<ClockGroup>,
+    /// Time of the position that is kept as three states behind the biases, if it is (stochastic clone).
+    pub kept: Option<GpsTime>,
+    /// Whether changes of range tie this epoch's position to that of the epoch before.
+    pub is_tied: bool,
     /// Number of consecutive updates that rejected most of their pseudoranges.
     pub codes_rejected: u32,
     /// Number of consecutive updates that rejected most of their range rates.
@@ -37,7 +45,17 @@ pub(super) struct Slot {
 impl Slot {
     /// Number of states.
     pub fn len(&self) -> usize {
-        STATES_PER_PHONE + self.biases.len()
+        STATES_PER_PHONE + self.biases.len() + if self.kept.is_some() { KEPT_STATES } else { 0 }
+    }
+
+    /// Offset of the first bias; the kept position follows the biases.
+    pub const fn first_bias(&self) -> usize {
+        self.at + STATES_PER_PHONE
+    }
+
+    /// Offset behind the last bias: that of the kept position.
+    pub const fn behind_biases(&self) -> usize {
+        self.first_bias() + self.biases.len()
     }
 
     /// Place of a group among the biases; `None` for the reference and for a group without a state.

@@ -6,10 +6,10 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::consider::{Block, Consider};
-use super::information::{Information, Measured};
+use super::information::{Information, Measured, Other};
 use super::joint::Kept;
 use super::weights::reweight;
-use super::{JointFilter, STATES_PER_PHONE};
+use super::{FilterOptions, JointFilter};
 use crate::frames::Ecef;
 use crate::measurement::{CorrectedObservation, Usage};
 use crate::solve::elimination::Row;
@@ -34,6 +34,8 @@ pub struct UpdateReport {
     pub codes: Kept,
     /// Range rates.
     pub rates: Kept,
+    /// Changes of range.
+    pub changes: Kept,
     /// Normalised innovation squared of the code, clock removed.
     pub code_nis: f64,
     /// Number of independent rows in [`UpdateReport::code_nis`]; its expected value if model and measurements agree.
@@ -42,6 +44,10 @@ pub struct UpdateReport {
     pub rate_nis: f64,
     /// Number of independent rows in [`UpdateReport::rate_nis`].
     pub rate_rows: usize,
+    /// Normalised innovation squared of the changes of range, clock removed.
+    pub change_nis: f64,
+    /// Number of independent rows in [`UpdateReport::change_nis`].
+    pub change_rows: usize,
 }
 
 impl UpdateReport {
@@ -58,9 +64,9 @@ impl UpdateReport {
 
 /// Normalised innovation squared of applied rows.
 #[derive(Clone, Copy, Debug, Default)]
-struct Innovation {
-    nis: f64,
-    rows: usize,
+pub(super) struct Innovation {
+    pub nis: f64,
+    pub rows: usize,
 }
 
 impl JointFilter {
@@ -88,7 +94,7 @@ impl JointFilter {
             self.mark_measured(slot, codes, rates);
         }
         let (code_nis, code_rows, rate_nis, rate_rows) = (code.nis, code.rows, rate.nis, rate.rows);
-        UpdateReport { codes, rates, code_nis, code_rows, rate_nis, rate_rows }
+        UpdateReport { codes, rates, code_nis, code_rows, rate_nis, rate_rows, ..UpdateReport::default() }
     }
 
     fn update_codes(
@@ -101,18 +107,24 @@ impl JointFilter {
         let code: Vec<Row> = observations.iter().map(|o| code_row(o, position, &groups)).collect();
         self.prepare_biases(slot, &groups, &code);
         let interval_s = self.silence_s(slot);
-        let inflation = self.options.code_noise.inflation(interval_s);
+        let inflation = self.options.code_noise.inflation(interval_s, self.slots[slot].is_tied);
         let known = &self.slots[slot];
-        let lasting_weight = self.options.lasting_weight;
+        let FilterOptions { lasting_weight, tied_lasting_weight, .. } = self.options;
+        let lasting_weight = if known.is_tied { tied_lasting_weight } else { lasting_weight };
         let row = |(row, o): (&Row, &&CorrectedObservation)| {
             let bias = known.bias(o.clock_group());
-            let bias_m = bias.map_or(0.0, |place| self.mean[known.at + STATES_PER_PHONE + place]);
+            let bias_m = bias.map_or(0.0, |place| self.mean[known.first_bias() + place]);
             let variance_m2 = o.noise_variance_m2() + lasting_weight * o.shared.satellite_sigma_m.powi(2);
-            Measured { h: row.h, bias, y: row.y - bias_m, weight: 1.0 / (inflation * variance_m2) }
+            Measured {
+                h: row.h,
+                other: bias.map_or(Other::None, Other::Bias),
+                y: row.y - bias_m,
+                weight: 1.0 / (inflation * variance_m2),
+            }
         };
         let mut rows: Vec<Measured> = code.iter().zip(observations).map(row).collect();
         let states: Vec<usize> =
-            (known.at..known.at + 3).chain(known.at + STATES_PER_PHONE..known.at + known.len()).collect();
+            (known.at..known.at + 3).chain(known.first_bias()..known.behind_biases()).collect();
         let prior = self.prior(states[0]);
         let factors = reweight(&mut rows, &prior, self.options.robust);
         let information = Information::new(&rows, states.len());
@@ -147,10 +159,10 @@ impl JointFilter {
         let velocity: Vector3<f64> = self.mean.fixed_rows::<3>(at).into_owned();
         let scale = self.options.rate_sigma_scale.powi(-2);
         let row = |o: &&CorrectedObservation| {
-            let row = rate_row(o, position)?;
+            let row = rate_row(o, position).filter(|_| !self.options.use_changes || is_of_the_epoch(o))?;
             Some(Measured {
                 h: row.h,
-                bias: None,
+                other: Other::None,
                 y: row.y - row.h.dot(&velocity),
                 weight: row.weight * scale,
             })
@@ -180,7 +192,11 @@ impl JointFilter {
     }
 
     /// Applies compressed rows about some states. Returns the gain on all of them together.
-    fn apply(&mut self, states: &[usize], information: &Information) -> (DMatrix<f64>, Innovation) {
+    pub(super) fn apply(
+        &mut self,
+        states: &[usize],
+        information: &Information,
+    ) -> (DMatrix<f64>, Innovation) {
         let n = self.mean.len();
         let mut gains = DMatrix::zeros(n, states.len());
         let (mut ph, mut gain) = (DVector::zeros(n), DVector::zeros(n));
@@ -233,6 +249,11 @@ impl JointFilter {
     }
 }
 
+/// Whether a range rate is that of its epoch. A mean over the interval before is a change of range.
+fn is_of_the_epoch(observation: &CorrectedObservation) -> bool {
+    observation.range_rate.is_some_and(|rate| rate.averaged_s <= 0.0)
+}
+
 fn kept(factors: &[f64]) -> Kept {
     Kept { kept: factors.iter().filter(|factor| **factor > 0.0).count(), offered: factors.len() }
 }
@@ -242,7 +263,7 @@ mod tests {
     use nalgebra::DMatrix;
 
     use super::*;
-    use crate::filter::{FilterOptions, Start};
+    use crate::filter::Start;
     use crate::frames::EcefVector;
     use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
     use crate::time::GpsTime;

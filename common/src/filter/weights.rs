@@ -56,13 +56,14 @@ pub(super) fn median(mut values: Vec<(f64, f64)>) -> f64 {
 mod tests {
     use nalgebra::Vector3;
 
+    use super::super::information::Other;
     use super::*;
 
     /// Four innovations of 0 and three of 1.5 standard deviations have the median 0 and the mean 0.6. About the median the three exceed
     /// one standard deviation; about the mean of the third round they do not.
     #[test]
     fn innovations_are_weighed_about_their_common_mean() {
-        let row = |y| Measured { h: Vector3::zeros(), bias: None, y, weight: 1.0 };
+        let row = |y| Measured { h: Vector3::zeros(), other: Other::None, y, weight: 1.0 };
         let mut rows = [0.0, 0.0, 0.0, 0.0, 1.5, 1.5, 1.5].map(row);
         let factors = reweight(&mut rows, &Matrix3::zeros(), RobustWeights { keep: 1.0, reject: 5.0 });
         assert_eq!(factors, [1.0; 7]);

@@ -207,8 +207,15 @@ fn admit(
 ) -> Option<UpdateReport> {
     let (name, time_gps) = (&message.phone, message.time_gps);
     let wls = message.wls.as_ref().map(|solution| (solution, message.raim.verdict));
-    let admitted =
-        filter.admit(phone, &PhoneEpoch { time_gps, observations: &message.observations, wls });
+    let admitted = filter.admit(
+        phone,
+        &PhoneEpoch {
+            time_gps,
+            observations: &message.observations,
+            changes_since_gps: message.changes_since_gps,
+            wls,
+        },
+    );
     if let Some(late_s) = admitted.late_s {
         skips.add(Reason::EpochBeforeFilterTime, || format!("{name} at {time_gps}, {late_s:.3} s late"));
     }

@@ -78,6 +78,7 @@ mod tests {
             frequency_hz: 1_561.098e6,
             pseudorange_m: 2.13e7,
             range_rate_mps: None,
+            phase_m: None,
             position: frame.origin() + frame.vector_enu_to_ecef(line),
             velocity: EcefVector::new(0.0, 0.0, 0.0),
             satellite_variance_m2: 1.0,

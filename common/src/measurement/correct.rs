@@ -1,6 +1,7 @@
 //! Corrections of raw pseudoranges and Dopplers:
 //! P_c = P + c·dT_s − I − T + group delay correction, and the rate −λD + c·dṪ_s.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::beidou2::beidou2_code_correction_m;
@@ -8,11 +9,11 @@ use super::exclusion::{Exclusion, Exclusions};
 use super::given::RecordedObservation;
 use super::pair::Ionosphere;
 use super::prepared::PreparedObservation;
-use super::{CorrectedObservation, RangeRate, SharedError, StochasticModel, Usage};
+use super::{Carrier, CorrectedObservation, RangeRate, SharedError, StochasticModel, Usage};
 use crate::atmosphere::{STANDARD_RELATIVE_HUMIDITY, Troposphere, TroposphereMapping};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
-use crate::gnss::{Constellation, Observation, ObservationEpoch};
+use crate::gnss::{Constellation, Observation, ObservationEpoch, SatelliteId, SignalCode};
 use crate::orbit::{IonosphereDelay, LineOfSight, OrbitError, Products, SatelliteState};
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
@@ -270,6 +271,9 @@ impl Corrector {
             range_rate_mps: observation
                 .doppler_hz
                 .map(|doppler| -wavelength_m * doppler + SPEED_OF_LIGHT_MPS * state.clock_drift_sps),
+            phase_m: observation
+                .carrier_phase_cycles
+                .map(|cycles| wavelength_m * cycles + SPEED_OF_LIGHT_MPS * state.clock_s),
             position: state.position,
             velocity: state.velocity,
             satellite_variance_m2: state.sigma_m.powi(2) + self.beidou_variance_m2(observation),
@@ -289,9 +293,20 @@ impl Corrector {
         position: Ecef,
         time_gps: GpsTime,
     ) -> (Vec<CorrectedObservation>, Skips) {
-        let mut masked = Skips::default();
+        let Finished { observations, masked, .. } = self.finish_with_carriers(prepared, position, time_gps);
+        (observations, masked)
+    }
+
+    /// The same with what the carriers say.
+    pub fn finish_with_carriers(
+        &self,
+        prepared: &[PreparedObservation],
+        position: Ecef,
+        time_gps: GpsTime,
+    ) -> Finished {
+        let mut finished = Finished::default();
         let view = View::new(position, time_gps, &self.options);
-        let mut corrected = Vec::with_capacity(prepared.len());
+        finished.observations.reserve(prepared.len());
         for observation in prepared {
             let seen = view.see(observation);
             let mask_rad = match observation.stated.and_then(|stated| stated.troposphere_m) {
@@ -299,15 +314,31 @@ impl Corrector {
                 None => self.options.elevation_mask_rad,
             };
             if seen.direction.elevation_rad < mask_rad {
-                masked.add(Reason::ElevationBelowMask, || {
+                finished.masked.add(Reason::ElevationBelowMask, || {
                     format!("{} at {time_gps}", observation.observation.satellite)
                 });
                 continue;
             }
-            corrected.push(view.correct(observation, &seen, &self.products, &mut masked));
+            let (corrected, carrier) = view.correct(observation, &seen, &self.products, &mut finished.masked);
+            finished.carriers.insert((corrected.satellite, corrected.signal), carrier);
+            finished.observations.push(corrected);
         }
-        (corrected, masked)
+        finished
     }
+}
+
+/// Carriers of an epoch by signal.
+pub type Carriers = BTreeMap<(SatelliteId, SignalCode), Carrier>;
+
+/// An epoch as seen from a position.
+#[derive(Clone, Debug, Default)]
+pub struct Finished {
+    /// The observations that no mask excludes.
+    pub observations: Vec<CorrectedObservation>,
+    /// What their carriers say.
+    pub carriers: Carriers,
+    /// Counts of masked observations and missing models.
+    pub masked: Skips,
 }
 
 /// Observations without a known position: satellites rotated for the measured travel time, no atmosphere, no masks. They serve to start an
@@ -373,9 +404,12 @@ impl Rotated {
             pseudorange_m,
             pseudorange_sigma_m,
             shared: SharedError::default(),
-            range_rate: prepared
-                .range_rate_mps
-                .map(|range_rate_mps| RangeRate { range_rate_mps, sigma_mps: rate_sigma_mps }),
+            range_rate: prepared.range_rate_mps.map(|range_rate_mps| RangeRate {
+                range_rate_mps,
+                sigma_mps: rate_sigma_mps,
+                averaged_s: 0.0,
+            }),
+            range_change: None,
             cn0_dbhz: prepared.observation.cn0_dbhz,
             direction,
             satellite_position: self.position,
@@ -417,7 +451,7 @@ impl<'a> View<'a> {
         seen: &Seen,
         products: &Products,
         skips: &mut Skips,
-    ) -> CorrectedObservation {
+    ) -> (CorrectedObservation, Carrier) {
         let (ionosphere, troposphere_m) = self.atmosphere_m(prepared, seen.direction, products, skips);
         let cn0_dbhz = prepared.observation.cn0_dbhz;
         let elevation_rad = seen.direction.elevation_rad;
@@ -443,7 +477,12 @@ impl<'a> View<'a> {
             variance.sqrt(),
             rate.variance(cn0_dbhz, elevation_rad).sqrt(),
         );
-        CorrectedObservation { shared, ..observation }
+        let carrier = Carrier {
+            phase_m: prepared.phase_m,
+            delay_m: ionosphere.delay_m - troposphere_m,
+            loss_of_lock: prepared.observation.loss_of_lock,
+        };
+        (CorrectedObservation { shared, ..observation }, carrier)
     }
 
     /// Correction of code biases by elevation, m, if the options say so; 0 for a pair.

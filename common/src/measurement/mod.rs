@@ -33,7 +33,7 @@ pub(crate) mod sky;
 mod stochastic;
 
 pub use beidou2::beidou2_code_correction_m;
-pub use correct::{CorrectionOptions, Corrector, without_position};
+pub use correct::{Carriers, CorrectionOptions, Corrector, Finished, without_position};
 pub use differential::{Applied, Differential, DifferentialCounts, DifferentialOptions, Uncorrected};
 pub use exclusion::{Exclusion, ExclusionError};
 pub use given::{ChannelObservation, GivenCorrections, RecordedEpoch, RecordedObservation};
@@ -47,7 +47,7 @@ pub use stochastic::{StochasticModel, VarianceModel};
 use serde::{Deserialize, Serialize};
 
 use crate::frames::{Direction, Ecef, EcefVector};
-use crate::gnss::{ClockGroup, SatelliteId, SignalCode};
+use crate::gnss::{ClockGroup, LossOfLock, SatelliteId, SignalCode};
 
 /// Corrected pseudorange and range rate, with only geometry, receiver clock and noise left.
 ///
@@ -66,6 +66,8 @@ pub struct CorrectedObservation {
     pub shared: SharedError,
     /// Corrected range rate, if there was a Doppler.
     pub range_rate: Option<RangeRate>,
+    /// Change of the range since the phone's previous epoch, if the carrier phase was tracked in between.
+    pub range_change: Option<RangeChange>,
     /// Carrier-to-noise density, dB-Hz, if recorded.
     pub cn0_dbhz: Option<f64>,
     /// Azimuth and elevation at the phone.
@@ -99,6 +101,32 @@ pub struct RangeRate {
     pub range_rate_mps: f64,
     /// Standard deviation of the rate, m/s.
     pub sigma_mps: f64,
+    /// Time before the epoch over which the phone averages, s; 0: the rate is that of the epoch itself.
+    pub averaged_s: f64,
+}
+
+/// Change of a satellite's range from the phone's previous epoch to this one, by the carrier phase.
+///
+/// The model is Δρ = |r_s(t) − r_k(t)| − |r_s(t') − r_k(t')| + c·Δdt_k + ε with one clock change for all signals.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RangeChange {
+    /// Change Δρ, m, positive = receding, changes of satellite clock and atmosphere removed.
+    pub change_m: f64,
+    /// Standard deviation of the change, m.
+    pub sigma_m: f64,
+    /// Satellite position r_s(t') at the transmission of the previous epoch, in the Earth-fixed frame of *its* reception.
+    pub satellite_before: Ecef,
+}
+
+/// What the carrier of a signal says beside its code. The sum of phase and delay has range, receiver clock, ambiguity and noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Carrier {
+    /// λφ + c·dT, m; `None` without a recorded phase.
+    pub phase_m: Option<f64>,
+    /// Ionospheric − tropospheric delay, m.
+    pub delay_m: f64,
+    /// Flags of the receiver on the continuity of the phase.
+    pub loss_of_lock: LossOfLock,
 }
 
 /// Use of an observation in a solution.

@@ -131,6 +131,7 @@ fn pair(
     Some(PreparedObservation {
         pseudorange_m: factor * first.pseudorange_m - (factor - 1.0) * second.pseudorange_m,
         range_rate_mps: first.range_rate_mps.or(second.range_rate_mps),
+        phase_m: None,
         stated: first.stated.map(|stated| GivenCorrections { ionosphere_m: Some(0.0), ..stated }),
         second: Some(SecondSignal {
             pair: name,

@@ -12,6 +12,8 @@ pub struct PreparedObservation {
     /// P + c·dT_s + group delay correction, m.
     pub(super) pseudorange_m: f64,
     pub(super) range_rate_mps: Option<f64>,
+    /// λφ + c·dT_s, m; `None` without a carrier phase and for a pair.
+    pub(super) phase_m: Option<f64>,
     /// Satellite position at transmission, in the Earth-fixed frame of the transmission.
     pub(super) position: Ecef,
     pub(super) velocity: EcefVector,

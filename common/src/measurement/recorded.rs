@@ -62,11 +62,13 @@ impl Corrector {
         }
         let range_rate =
             |doppler_hz: f64| Some(-SPEED_OF_LIGHT_MPS / frequency_hz? * doppler_hz + given.clock_drift_mps);
+        let phase = |cycles: f64| Some(SPEED_OF_LIGHT_MPS / frequency_hz? * cycles + given.clock_m);
         Some(PreparedObservation {
             observation: *observation,
             frequency_hz: frequency_hz.unwrap_or(f64::NAN),
             pseudorange_m: pseudorange_m + given.clock_m - given.receiver_bias_m,
             range_rate_mps: observation.doppler_hz.and_then(range_rate),
+            phase_m: observation.carrier_phase_cycles.and_then(phase),
             position: given.satellite_position,
             velocity: given.satellite_velocity,
             satellite_variance_m2: given.sigma_m.powi(2) + self.beidou_variance_m2(observation),

@@ -62,7 +62,9 @@ impl Receiver {
             range_rate: Some(RangeRate {
                 range_rate_mps: u.dot(&(satellite_velocity.0 - self.velocity.0)) + self.drift_mps,
                 sigma_mps: 0.1,
+                averaged_s: 0.0,
             }),
+            range_change: None,
             cn0_dbhz: Some(40.0),
             direction,
             satellite_position: Ecef(self.position.0 + u * range_m),

@@ -244,11 +244,15 @@ tables! {
         /// Share of the variance of a pseudorange that is correlated in time, as multipath is. A filter that takes it for white noise trusts
         /// it too much.
         code_correlated_share: f64 = ["no unit", 0.0..=1.0];
+        /// The same share for epochs that changes of range by carrier phase tie to the one before.
+        code_tied_share: f64 = ["no unit", 0.0..=1.0];
         /// Time constant of that correlation.
         code_correlation_time_s: f64 = ["s", 0.1..=3600.0];
         /// Factor on the variance of a satellite's orbit, clock and group delay in the weights: they last, and no mean over epochs removes
         /// them.
         lasting_weight: f64 = ["no unit", 0.0..=100.0];
+        /// The same factor for epochs that changes of range by carrier phase tie to the one before.
+        tied_lasting_weight: f64 = ["no unit", 0.0..=100.0];
         /// Factor on the standard deviation of range rates.
         rate_sigma_scale: f64 = ["no unit", 0.01..=100.0];
         /// Innovation up to which a measurement has its full weight; inf never weighs one down.
@@ -257,6 +261,8 @@ tables! {
         robust_reject_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
         /// Whether the filter uses Doppler.
         doppler: bool = ["switch", ()];
+        /// Whether changes of range by carrier phase are used.
+        carrier_phase: bool = ["switch", ()];
         /// Whether the filter takes only the observations that RAIM kept; if not, it judges all by their innovations.
         raim_selection: bool = ["switch", ()];
         /// Spectral density of the random walk of the biases between a receiver's constellations and bands; inf gives each a clock of its own

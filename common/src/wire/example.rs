@@ -7,7 +7,7 @@ use crate::filter::PhoneState;
 use crate::frames::{Direction, Ecef, EcefVector};
 use crate::gnss::{ClockGroup, Constellation, SatelliteId, SignalCode};
 use crate::integrity::{GlobalTest, RaimReport, Verdict};
-use crate::measurement::{CorrectedObservation, RangeRate, SharedError, Usage};
+use crate::measurement::{CorrectedObservation, RangeChange, RangeRate, SharedError, Usage};
 use crate::solve::{Dops, PointSolution, VelocitySolution};
 use crate::time::GpsTime;
 
@@ -19,7 +19,12 @@ pub(super) fn observation(number: u8) -> CorrectedObservation {
         pseudorange_m: 22.1e6 + f64::from(number),
         pseudorange_sigma_m: 3.5,
         shared: SharedError { satellite_sigma_m: 1.25, ionosphere_m: 2.75 },
-        range_rate: Some(RangeRate { range_rate_mps: -431.25, sigma_mps: 0.3 }),
+        range_rate: Some(RangeRate { range_rate_mps: -431.25, sigma_mps: 0.3, averaged_s: 0.0 }),
+        range_change: Some(RangeChange {
+            change_m: -431.5,
+            sigma_m: 0.02,
+            satellite_before: Ecef::new(15.599e6, 7.502e6, 20.098e6),
+        }),
         cn0_dbhz: Some(38.5),
         direction: Direction { azimuth_rad: 1.25, elevation_rad: 0.75 },
         satellite_position: Ecef::new(15.6e6, 7.5e6, 20.1e6),
@@ -38,6 +43,7 @@ pub(super) fn message(count: u8) -> EpochMessage {
         sequence: 7,
         time_gps: GpsTime::from_week_tow(2118, 397_141.999_759),
         observations: (1..=count).map(observation).collect(),
+        changes_since_gps: Some(GpsTime::from_week_tow(2118, 397_140.999_759)),
         wls: Some(PointSolution {
             position: Ecef::new(-2.27e6, 5.01e6, 3.22e6),
             position_covariance: Matrix3::identity() * 4.0,

@@ -22,6 +22,8 @@ pub struct EpochMessage {
     pub time_gps: GpsTime,
     /// Corrected observations.
     pub observations: Vec<CorrectedObservation>,
+    /// Time of the phone's epoch to which the changes of range refer; `None` if there is no change of range.
+    pub changes_since_gps: Option<GpsTime>,
     /// Epoch-wise solution, if there was one.
     pub wls: Option<PointSolution>,
     /// State of the local filter after this epoch; `None` before initialisation.

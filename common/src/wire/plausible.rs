@@ -26,6 +26,9 @@ const LATEST_NANOS: i64 = 6_942_153_600_000_000_000;
 const SIGMA: RangeInclusive<f64> = 1e-3..=1e4;
 /// Range rates: Doppler up to its limit (200 kHz) on the longest wavelength in use.
 const RANGE_RATE_MPS: RangeInclusive<f64> = -6e4..=6e4;
+const AVERAGED_S: RangeInclusive<f64> = 0.0..=60.0;
+/// Changes of range over a minute at the largest range rate.
+const RANGE_CHANGE_M: RangeInclusive<f64> = -4e6..=4e6;
 /// Ionospheric delays; a recording may state one below zero.
 const IONOSPHERE_M: RangeInclusive<f64> = -1e4..=1e4;
 const SATELLITE_RADIUS_M: RangeInclusive<f64> = 6.4e6..=6e7;
@@ -282,6 +285,12 @@ fn check_observation(o: &CorrectedObservation) -> Result<(), Implausible> {
     if let Some(rate) = o.range_rate {
         within("corrected range rate (m/s)", rate.range_rate_mps, RANGE_RATE_MPS)?;
         within("range rate sigma (m/s)", rate.sigma_mps, SIGMA)?;
+        within("averaging time of the range rate (s)", rate.averaged_s, AVERAGED_S)?;
+    }
+    if let Some(change) = o.range_change {
+        within("change of range (m)", change.change_m, RANGE_CHANGE_M)?;
+        within("sigma of the change of range (m)", change.sigma_m, SIGMA)?;
+        within("satellite radius before (m)", change.satellite_before.0.norm(), SATELLITE_RADIUS_M)?;
     }
     if let Some(cn0_dbhz) = o.cn0_dbhz {
         within("C/N0 (dB-Hz)", cn0_dbhz, CN0_BOUNDS_DBHZ)?;

@@ -16,14 +16,22 @@ pub struct FilterReport {
     pub rates: u64,
     /// Range rates whose weight was zero.
     pub rates_rejected: u64,
+    /// Changes of range by carrier phase offered.
+    pub changes: u64,
+    /// Changes of range that could not be used, for the position to which they refer was not there.
+    pub changes_unused: u64,
     /// Mean normalised innovation squared of the code per independent row: 1 if the filter's model is right, below for a cautious one.
     pub code_nis_per_row: Option<f64>,
     /// The same of the Doppler.
     pub rate_nis_per_row: Option<f64>,
+    /// The same of the changes of range.
+    pub change_nis_per_row: Option<f64>,
     #[serde(skip)]
     code_rows: u64,
     #[serde(skip)]
     rate_rows: u64,
+    #[serde(skip)]
+    change_rows: u64,
 }
 
 impl FilterReport {
@@ -34,7 +42,10 @@ impl FilterReport {
         self.codes_rejected += (update.codes.offered - update.codes.kept) as u64;
         self.rates += update.rates.offered as u64;
         self.rates_rejected += (update.rates.offered - update.rates.kept) as u64;
+        self.changes += update.changes.offered as u64;
+        self.changes_unused += (update.changes.offered - update.changes.kept) as u64;
         self.code_rows += update.code_rows as u64;
+        self.change_rows += update.change_rows as u64;
         self.rate_rows += update.rate_rows as u64;
         let add = |mean: &mut Option<f64>, nis: f64, rows: usize, all: u64| {
             let before = mean.unwrap_or_default();
@@ -44,6 +55,7 @@ impl FilterReport {
         };
         add(&mut self.code_nis_per_row, update.code_nis, update.code_rows, self.code_rows);
         add(&mut self.rate_nis_per_row, update.rate_nis, update.rate_rows, self.rate_rows);
+        add(&mut self.change_nis_per_row, update.change_nis, update.change_rows, self.change_rows);
     }
 }
 

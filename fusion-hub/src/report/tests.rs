@@ -51,6 +51,7 @@ fn observation(satellite: &str, pseudorange_m: f64) -> CorrectedObservation {
         pseudorange_sigma_m: 3.0,
         shared: SharedError::default(),
         range_rate: None,
+        range_change: None,
         cn0_dbhz: None,
         direction: Direction { azimuth_rad: 0.0, elevation_rad: 1.0 },
         satellite_position: Ecef::new(2e7, 0.0, 0.0),

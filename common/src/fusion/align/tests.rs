@@ -14,6 +14,7 @@ pub(super) fn message(phone: usize, sequence: u64, seconds: f64) -> EpochMessage
         sequence,
         time_gps: at(seconds),
         observations: Vec::new(),
+        changes_since_gps: None,
         wls: None,
         local: None,
         raim: RaimReport { verdict: Verdict::CannotBeChecked, global_test: None, excluded: 0 },

@@ -25,6 +25,7 @@ fn signal(satellite: &str, [band, attribute]: [u8; 2], delay_l1_m: f64) -> Prepa
         frequency_hz,
         pseudorange_m,
         range_rate_mps: Some(frequency_hz / SPEED_OF_LIGHT_MPS),
+        phase_m: None,
         position: Ecef::new(2e7, 1e7, 1e7),
         velocity: EcefVector::new(1.0, 2.0, 3.0),
         satellite_variance_m2: 0.5,
