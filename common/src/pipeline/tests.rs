@@ -3,7 +3,7 @@
 use super::*;
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::gnss::{Constellation, Observation};
-use crate::simulation::{PhoneOptions, Scenario, SimulatedEpoch, Simulation};
+use crate::simulation::{ErrorModel, PhoneOptions, Scenario, SimulatedEpoch, Simulation};
 
 /// A car on an open road for `duration_s`, with its epochs and products.
 fn drive(duration_s: f64) -> (Vec<SimulatedEpoch>, Arc<Products>) {
@@ -179,4 +179,63 @@ fn observations_without_a_solution_are_corrected_for_the_last_position() {
             assert!(difference_m.abs() < 0.1, "{} at {}: {difference_m} m", ours.satellite, message.time_gps);
         }
     }
+}
+
+/// A car between houses, with the phases of a good receiver: range and clock without multipath, less the ionospheric delay, and a constant for
+/// each signal.
+fn drive_with_phases(noise_m: f64) -> (Vec<SimulatedEpoch>, Arc<Products>) {
+    let phone = PhoneOptions { stops_before_s: 0.0, ..PhoneOptions::of_vehicle(0) };
+    let scenario = Scenario { duration_s: 300.0, phones: vec![phone], ..Scenario::default() };
+    let simulation = Simulation::new(scenario.clone()).unwrap();
+    let mut simulated: Vec<SimulatedEpoch> = simulation.epochs(0).collect();
+    let exact = |ionosphere_scale| {
+        let errors = ErrorModel { ionosphere_scale, ..ErrorModel::none() };
+        let simulation = Simulation::new(Scenario { errors, ..scenario.clone() }).unwrap();
+        simulation.epochs(0).map(|simulated| simulated.epoch).collect::<Vec<_>>()
+    };
+    let (without, delayed) = (exact(0.0), exact(scenario.errors.ionosphere_scale));
+    for (k, simulated) in simulated.iter_mut().enumerate() {
+        for observation in &mut simulated.epoch.observations {
+            let key = (observation.satellite, observation.signal);
+            let range_m = |epoch: &ObservationEpoch| {
+                epoch
+                    .observations
+                    .iter()
+                    .find(|o| (o.satellite, o.signal) == key)
+                    .and_then(|o| o.pseudorange_m)
+            };
+            let scatter = (k * 7_919 + usize::from(observation.satellite.number) * 104_729) % 1_000;
+            let error_m = noise_m * (scatter as f64 / 250.0 - 2.0);
+            let wavelength_m = observation.signal.wavelength_m(observation.satellite.constellation, None);
+            let ranges = range_m(&without[k]).zip(range_m(&delayed[k])).zip(wavelength_m);
+            observation.carrier_phase_cycles = ranges.map(|((without_m, delayed_m), wavelength_m)| {
+                (2.0 * without_m - delayed_m + error_m) / wavelength_m - 5e6
+            });
+        }
+    }
+    (simulated, Arc::new(simulation.products()))
+}
+
+/// Root mean square of the local filter's position error after the first minute, m.
+fn local_error_m(simulated: &[SimulatedEpoch], products: &Arc<Products>, carrier_phase: bool) -> f64 {
+    let filter = FilterOptions { use_changes: carrier_phase, ..FilterOptions::default() };
+    let options = PipelineOptions { filter, ..PipelineOptions::default() };
+    let mut pipeline = PhonePipeline::new("P", Arc::clone(products), options);
+    let squares: Vec<f64> = simulated
+        .iter()
+        .map(|s| (pipeline.process(&s.epoch), s.truth.position))
+        .skip(60)
+        .map(|(message, truth)| message.local.unwrap().position().distance_m(truth).powi(2))
+        .collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+#[test]
+fn good_phases_help_and_worthless_ones_do_not_harm() {
+    let (good, products) = drive_with_phases(0.003);
+    let [with_m, without_m] = [true, false].map(|phases| local_error_m(&good, &products, phases));
+    assert!(with_m < 0.5 * without_m, "{with_m} m, {without_m} m");
+    let (noisy, products) = drive_with_phases(0.15);
+    let [with_m, without_m] = [true, false].map(|phases| local_error_m(&noisy, &products, phases));
+    assert!(with_m < 1.02 * without_m, "{with_m} m, {without_m} m");
 }
