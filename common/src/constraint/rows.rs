@@ -1,8 +1,8 @@
 //! Bounded rows, the linear form of constraints.
 //!
-//! Every constraint bounds one vector of three components that is linear in the joint state: the difference of two positions, or the mean
-//! velocity of a phone. A row is a direction in the space of that vector and the interval of the component along it. A length |d| = uᵀd with
-//! the unit vector u of its linearisation is homogeneous, so rows have no constant. The rotation of the up vector with the phone's position
+//! Every constraint bounds one vector of three components that is linear in the joint state: the difference of two positions, a position, or the
+//! mean velocity of a phone. A row is a direction in the space of that vector and the interval of the component along it. A length |d| = uᵀd with
+//! the unit vector u of its linearisation is homogeneous, so rows have no constant; that of a height is part of its interval. The rotation of the up vector with the phone's position
 //! is neglected; it is one part in 6.4 million per metre.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -99,6 +99,11 @@ pub struct Terms {
 }
 
 impl Terms {
+    /// The position of a phone.
+    pub const fn position(phone: usize) -> Self {
+        Self { first: Term { phone, part: Part::Position, factor: 1.0 }, second: None }
+    }
+
     /// The vector from the second to the first phone.
     pub fn difference([first, second]: [usize; 2]) -> Self {
         let of = |phone, factor| Term { phone, part: Part::Position, factor };

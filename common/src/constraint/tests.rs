@@ -518,6 +518,43 @@ fn vertical_velocity_rows_are_the_jacobian() {
     }
 }
 
+fn height(minimum_m: f64, maximum_m: f64) -> Constraint {
+    Constraint::Height(Height { phone: 0, minimum_m, maximum_m })
+}
+
+#[test]
+fn height_rows_are_the_jacobian() {
+    let at = state(&[([300.0, -200.0, 12.0], [0.0; 3])]);
+    let row = rows_at(height(20.0, 30.0), &at, &ConstraintOptions::default())[0].unwrap();
+    let numeric = differences(&height(20.0, 30.0), &at, 0.0, 1.0);
+    assert!((dense(height(20.0, 30.0), &row, 9, 0.0) - numeric).amax() < 1e-8);
+    let value_m = height(20.0, 30.0).value(&at, 0.0).unwrap();
+    let row_m = row.at(&vector_at(height(20.0, 30.0), &at, 0.0));
+    assert!((row_m - row.interval.lower - (value_m - 20.0)).abs() < 1e-6);
+    assert!((row.interval.upper - row.interval.lower - 10.0).abs() < 1e-6);
+}
+
+/// A height of 5 ± 10 m under a bound of ±1 m about 0: the height is within, and a position that is correlated with it moves too.
+#[test]
+fn a_height_is_brought_within_its_bounds_by_every_method() {
+    let zero_m = origin().geodetic().height_m;
+    let at = state(&[([0.0, 0.0, 5.0], [0.0; 3])]);
+    let mut spread = covariance(&[[0.1, 0.1, 0.1]]);
+    let direction = origin().vector_enu_to_ecef(Enu { east: 0.5, north: 0.0, up: 1.0 }).0 * 10.0;
+    let mut block = spread.fixed_view_mut::<3, 3>(0, 0);
+    block += direction * direction.transpose();
+    for options in all_options() {
+        for bounded in [height(zero_m - 1.0, zero_m + 1.0), height(f64::NEG_INFINITY, zero_m + 1.0)] {
+            let (mut mean, mut covariance) = (at.clone(), spread.clone());
+            let actions = constrain(&mut mean, &mut covariance, &[bounded], &options);
+            assert_eq!(actions[0].outcome, ConstraintOutcome::Holds, "{options:?} {actions:?}");
+            let moved = origin().ecef_to_enu(position(&mean, 0).unwrap());
+            assert!(moved.up < 1.01 && (moved.east - 0.5 * (moved.up - 5.0)).abs() < 0.01, "{moved:?}");
+            assert!(covariance.trace() < 0.9 * spread.trace());
+        }
+    }
+}
+
 fn speed(minimum_mps: f64, maximum_mps: f64) -> Constraint {
     Constraint::Speed(Speed { phone: 0, minimum_mps, maximum_mps })
 }
@@ -639,6 +676,7 @@ fn constraints_are_written_with_the_keys_of_their_kind_and_read_back() {
             json!({"kind": "vertical-velocity", "maximum_mps": 0.5}),
         ),
         (speed(1.0, 14.0), json!({"kind": "speed", "minimum_mps": 1.0, "maximum_mps": 14.0})),
+        (height(-20.0, 14.0), json!({"kind": "height", "minimum_m": -20.0, "maximum_m": 14.0})),
         (
             Constraint::Heading(Heading {
                 phone: 0,
@@ -664,6 +702,15 @@ fn constraints_are_written_with_the_keys_of_their_kind_and_read_back() {
     let foreign = error(json!({"kind": "distance", "maximum_m": 2.0, "course_deg": 1.0}));
     assert!(foreign.contains("unknown field `course_deg`, expected `minimum_m` or `maximum_m`"), "{foreign}");
     assert!(error(json!({"kind": "heading", "course_deg": 1.0})).contains("missing field `tolerance_deg`"));
+    for (bounds, due) in [
+        (json!({}), "at least one of both"),
+        (json!({"minimum_m": 3.0, "maximum_m": 3.0}), "not below"),
+        (json!({"maximum_m": 6_371_000.0}), "ellipsoidal height"),
+    ] {
+        let mut form = bounds;
+        form["kind"] = json!("height");
+        assert!(error(form).contains(due), "{due}");
+    }
 }
 
 #[test]

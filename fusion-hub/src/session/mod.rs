@@ -37,6 +37,10 @@
 //! kind = "speed"                      # horizontal, of each of the named phones
 //! minimum_mps = 0.0                   # default 0; it acts where the direction of motion is certain
 //! maximum_mps = 14.0                  # default none; at least one of both must be there
+//! [[constraint]]
+//! kind = "height"                     # above the WGS 84 ellipsoid, of each of the named phones
+//! minimum_m = 25.0                    # default none
+//! maximum_m = 30.0                    # default none; at least one of both must be there
 //! [evaluation]
 //! truth_quality = [1]                 # rows of the truth that count; this is the default
 //! [filter]

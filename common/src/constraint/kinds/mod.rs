@@ -6,6 +6,7 @@
 mod distance;
 mod fields;
 mod heading;
+mod height;
 mod speed;
 mod vertical_velocity;
 
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 pub use distance::Distance;
 pub use heading::Heading;
+pub use height::Height;
 pub use speed::Speed;
 pub use vertical_velocity::VerticalVelocity;
 
@@ -217,6 +219,8 @@ kinds! {
     "heading" Heading;
     /// The horizontal speed of a phone.
     "speed" Speed;
+    /// The ellipsoidal height of a phone.
+    "height" Height;
 }
 
 impl Constraint {
@@ -247,7 +251,7 @@ impl Constraint {
         phones.iter().enumerate().flat_map(|(n, &i)| after(n).map(move |&j| of(&[i, j]))).collect()
     }
 
-    /// The constrained quantity in a joint state: distance (m), vertical velocity (m/s, positive up), speed (m/s) or angle off the course
+    /// The constrained quantity in a joint state: distance (m), vertical velocity (m/s, positive up), speed (m/s), height (m) or angle off the course
     /// (rad, in (−π, π], positive to the right).
     ///
     /// Velocities are means over the next `horizon_s`, v + ½a·horizon; 0 uses the velocity itself. `None` if the state does not contain the

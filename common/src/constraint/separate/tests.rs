@@ -5,7 +5,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::super::engine::jointly;
-use super::super::kinds::{Distance, Heading, Speed, VerticalVelocity};
+use super::super::kinds::{Distance, Heading, Height, Speed, VerticalVelocity};
 use super::super::options::DistanceModel;
 use super::super::prior::Joint;
 use super::super::second::{Between, carry};
@@ -100,6 +100,9 @@ fn random_constraints(phones: usize, random: &mut ChaCha8Rng) -> Vec<Constraint>
         }
         if random.random_bool(0.3) {
             constraints.push(Speed { phone: a, minimum_mps: 2.0, maximum_mps: 4.0 }.into());
+        }
+        if random.random_bool(0.3) {
+            constraints.push(Height { phone: a, minimum_m: 29.0, maximum_m: 32.0 }.into());
         }
         if random.random_bool(0.3) {
             constraints.push(Heading { phone: a, course_rad: 1.0, tolerance_rad: 0.4 }.into());
