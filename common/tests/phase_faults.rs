@@ -83,23 +83,28 @@ fn faults() -> [Fault<'static>; 4] {
             reason: Reason::PhaseContradictsOthers,
             least: 30,
             alter: &|k, epoch| {
-                shift_phases(epoch, |o| (1.0 + f64::from(o.satellite.number % 4)) * slips(k, o))
+                shift_phases(epoch, |o| (1.0 + f64::from(o.satellite.number % 4)) * slips(k, o));
             },
         },
         Fault {
             name: "a slip of a thousand cycles a minute and satellite",
             reason: Reason::PhaseContradictsOthers,
             least: 30,
-            alter: &|k, epoch| shift_phases(epoch, |o| 1_000.0 * slips(k, o)),
+            alter: &|k, epoch| {
+                shift_phases(epoch, |o| 1_000.0 * slips(k, o));
+            },
         },
         Fault {
             name: "a slip of half a cycle a minute and satellite",
             reason: Reason::PhaseContradictsOthers,
             least: 30,
-            alter: &|k, epoch| shift_phases(epoch, |o| 0.5 * slips(k, o)),
+            alter: &|k, epoch| {
+                shift_phases(epoch, |o| 0.5 * slips(k, o));
+            },
         },
         Fault {
             name: "clock jumps of a millisecond",
+            // Nothing is wrong: phases and codes share the clock.
             reason: Reason::EpochTimeLimited,
             least: 0,
             alter: &|k, epoch| {

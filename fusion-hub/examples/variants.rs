@@ -98,7 +98,14 @@ fn variants() -> Vec<Variant> {
         filtered("robust weights 2 to 8 sigma", |filter| {
             filter.robust = RobustWeights { keep: 2.0, reject: 8.0 };
         }),
-        filtered("lasting errors weigh once", |filter| filter.lasting_weight = 1.0),
+        filtered("lasting errors weigh once", |filter| {
+            (filter.lasting_weight, filter.tied_lasting_weight) = (1.0, 1.0);
+        }),
+        filtered("no carrier phase", |filter| filter.use_changes = false),
+        filtered("phases, code noise and lasting errors weigh as without", |filter| {
+            filter.code_noise.tied_share = filter.code_noise.correlated_share;
+            filter.tied_lasting_weight = filter.lasting_weight;
+        }),
         ours("constraints of Peng 2023", ConstraintOptions::peng2023()),
         as_printed("all of Peng 2023", |_| ()),
         as_printed("the same with Doppler", |filter| filter.use_rates = true),
