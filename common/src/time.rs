@@ -59,6 +59,15 @@ pub struct Calendar {
     pub second: f64,
 }
 
+impl Calendar {
+    /// Day of the year, from 1.
+    pub fn day_of_year(&self) -> u32 {
+        let day =
+            |month: u32, day: u32| days_from_civil(i64::from(self.year), i64::from(month), i64::from(day));
+        u32::try_from(1 + day(self.month, self.day) - day(1, 1)).unwrap_or(1)
+    }
+}
+
 impl GpsTime {
     /// Time from nanoseconds since 1980-01-06 00:00:00 GPST.
     pub const fn from_nanos(nanos: i64) -> Self {
@@ -334,6 +343,16 @@ mod tests {
 
     fn calendar(year: i32, month: u32, day: u32, hour: u32, minute: u32, second: f64) -> GpsTime {
         GpsTime::from_calendar(Calendar { year, month, day, hour, minute, second }).unwrap()
+    }
+
+    #[test]
+    fn days_of_the_year_are_counted_from_the_first_of_january() {
+        for (year, month, day, expected) in
+            [(1980, 1, 6, 6), (2020, 2, 29, 60), (2023, 12, 31, 365), (2024, 12, 31, 366), (2100, 3, 1, 60)]
+        {
+            let time = calendar(year, month, day, 23, 59, 59.0);
+            assert_eq!(time.calendar().day_of_year(), expected, "{time}");
+        }
     }
 
     #[test]

@@ -9,10 +9,6 @@ use crate::time::GpsTime;
 
 /// Minimum elevation (1°), rad; lower elevations are limited to it.
 const LOWEST_ELEVATION_RAD: f64 = 0.017_453_292_519_943_295;
-/// Days from 1980-01-01 to the beginning of GPS time.
-const FIRST_GPS_DAY: f64 = 5.0;
-const DAYS_PER_YEAR: f64 = 365.25;
-const SECONDS_PER_DAY: f64 = 86_400.0;
 
 /// Ratio of the tropospheric delay at an elevation to that at the zenith.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,9 +38,11 @@ impl Troposphere {
         relative_humidity: f64,
     ) -> Self {
         let niell = match mapping {
-            TroposphereMapping::Niell => {
-                Some(NiellMapping::at(receiver.latitude_rad, receiver.height_m, day_of_year(time)))
-            }
+            TroposphereMapping::Niell => Some(NiellMapping::at(
+                receiver.latitude_rad,
+                receiver.height_m,
+                f64::from(time.calendar().day_of_year()),
+            )),
             TroposphereMapping::Cosecant => None,
         };
         Self { zenith: saastamoinen_zenith_delay(receiver, relative_humidity), niell }
@@ -63,17 +61,10 @@ impl Troposphere {
     }
 }
 
-/// Day of the year, 1 to 366.25, within a day: years of 365.25 days are counted from 1980 on. A day changes a delay at 5° by less than 1 mm.
-fn day_of_year(time: GpsTime) -> f64 {
-    let days = (time - GpsTime::default()) / SECONDS_PER_DAY + FIRST_GPS_DAY;
-    1.0 + days.rem_euclid(DAYS_PER_YEAR)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::atmosphere::STANDARD_RELATIVE_HUMIDITY;
-    use crate::time::Calendar;
 
     fn delay_m(mapping: TroposphereMapping, elevation_deg: f64) -> f64 {
         let receiver = Geodetic::from_degrees(48.0, 11.0, 500.0);
@@ -99,21 +90,6 @@ mod tests {
     fn below_the_horizon_delays_are_finite() {
         for mapping in [TroposphereMapping::Niell, TroposphereMapping::Cosecant] {
             assert!((10.0..150.0).contains(&delay_m(mapping, -90.0)));
-        }
-    }
-
-    #[test]
-    fn days_of_the_year_are_right_within_a_day() {
-        for (year, month, day, expected) in [
-            (1980, 1, 6, 6.0),
-            (2020, 2, 29, 60.0),
-            (2023, 12, 31, 365.0),
-            (2026, 7, 1, 182.0),
-            (2099, 3, 1, 60.0),
-        ] {
-            let calendar = Calendar { year, month, day, hour: 0, minute: 0, second: 0.0 };
-            let ours = day_of_year(GpsTime::from_calendar(calendar).unwrap());
-            assert!((ours - expected).abs() <= 1.0, "{year}-{month}-{day}: {ours}");
         }
     }
 }

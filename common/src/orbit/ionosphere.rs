@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::Products;
 use crate::atmosphere::{
-    B1I_HZ, Ionex, KlobucharCoefficients, NoTec, beidou_klobuchar_delay_b1i_m, klobuchar_delay_l1_m,
-    scale_delay, scale_from_l1,
+    B1I_HZ, Ionex, NoTec, beidou_klobuchar_delay_b1i_m, klobuchar_delay_l1_m, mean_solar_flux_sfu,
+    ntcm_delay_l1_m, scale_delay, scale_from_l1,
 };
 use crate::frames::{Direction, Geodetic};
 use crate::skips::{Reason, Skips};
@@ -26,11 +26,6 @@ pub struct LineOfSight {
 
 /// Share of the delay by maps that is as uncertain as the delay by broadcast coefficients.
 const MAP_SHARE: f64 = 0.3;
-/// Coefficients of a quiet ionosphere in middle latitudes: 5 ns at night, 17 ns in the afternoon. They stand for missing ones: no correction
-/// would be wrong by metres, in one direction.
-const NOMINAL: KlobucharCoefficients =
-    KlobucharCoefficients { alpha: [1.2e-8, 0.0, 0.0, 0.0], beta: [9e4, 0.0, 0.0, 0.0] };
-
 /// Ionospheric delay of a code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IonosphereDelay {
@@ -40,10 +35,14 @@ pub struct IonosphereDelay {
     pub uncertain_m: f64,
 }
 
-/// Delay of a quiet ionosphere, m.
-fn nominal_delay_m(sight: &LineOfSight) -> f64 {
+/// Delay of the mean ionosphere of date, hour and place, m: no correction would be wrong by metres, in one direction.
+fn climatological_delay_m(sight: &LineOfSight) -> f64 {
+    ntcm_delay_m(mean_solar_flux_sfu(sight.time), sight)
+}
+
+fn ntcm_delay_m(flux_sfu: f64, sight: &LineOfSight) -> f64 {
     let LineOfSight { receiver, direction, time, frequency_hz } = *sight;
-    scale_from_l1(klobuchar_delay_l1_m(&NOMINAL, receiver, direction, time), frequency_hz)
+    scale_from_l1(ntcm_delay_l1_m(flux_sfu, receiver, direction, time), frequency_hz)
 }
 
 impl Products {
@@ -63,7 +62,7 @@ impl Products {
     }
 
     /// Ionospheric delay of a code, and a measure of what is left of it: by maps where they cover it, else by the Klobuchar coefficients of GPS, else by those of
-    /// BeiDou, else by nominal ones. Gaps in existing maps are counted, and delays without any model.
+    /// BeiDou, else by Galileo's in NTCM-G, else by a climatology. Gaps in existing maps are counted, and delays without any model.
     pub fn ionosphere_delay(&self, sight: &LineOfSight, skips: &mut Skips) -> IonosphereDelay {
         let LineOfSight { receiver, direction, time, frequency_hz } = *sight;
         let place = || {
@@ -83,7 +82,7 @@ impl Products {
         if let Some(reason) = fallback_reason(by_maps, modelled_m.is_some()) {
             skips.add(reason, place);
         }
-        let delay_m = modelled_m.unwrap_or_else(|| nominal_delay_m(sight));
+        let delay_m = modelled_m.unwrap_or_else(|| climatological_delay_m(sight));
         IonosphereDelay { delay_m, uncertain_m: delay_m }
     }
 
@@ -99,7 +98,8 @@ impl Products {
             let delay_m = beidou_klobuchar_delay_b1i_m(&coefficients, receiver, direction, time);
             Some(scale_delay(delay_m, B1I_HZ, frequency_hz))
         };
-        by_gps().or_else(by_beidou)
+        let by_galileo = || Some(ntcm_delay_m(self.galileo_ionisation_sfu()?, sight));
+        by_gps().or_else(by_beidou).or_else(by_galileo)
     }
 }
 
@@ -118,6 +118,7 @@ const fn fallback_reason(maps: Option<NoTec>, has_model: bool) -> Option<Reason>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::atmosphere::KlobucharCoefficients;
     use crate::orbit::{IonosphereTerms, NavigationFile};
 
     const L1_HZ: f64 = 1_575.42e6;
@@ -166,9 +167,9 @@ mod tests {
         let night_m = 5e-9 * crate::constants::SPEED_OF_LIGHT_MPS * (1.0 + 16.0 * 0.03_f64.powi(3));
         // The nominal delay depends on the time of the day; there is no model, which is counted.
         for (navigation, is_modelled, word) in
-            [(vec![klobuchar()], true, "Klobuchar used"), (vec![], false, "nominal ionosphere used")]
+            [(vec![klobuchar()], true, "Klobuchar used"), (vec![], false, "climatology used")]
         {
-            let fallback_m = |sight| if is_modelled { night_m } else { nominal_delay_m(sight) };
+            let fallback_m = |sight| if is_modelled { night_m } else { climatological_delay_m(sight) };
             let mut products = Products::new(Vec::new(), navigation);
             let mut skips = Skips::default();
             let inside = sight(30.0, "2020-08-13T01:00:00");
@@ -210,5 +211,24 @@ mod tests {
         assert!((delay_m(with(None)) - expected_m).abs() < 1e-9);
         let gps = klobuchar().ionosphere.gps;
         assert!((delay_m(with(gps)) - delay_m(klobuchar())).abs() < 1e-12, "GPS' own come first");
+    }
+
+    #[test]
+    fn coefficients_of_galileo_stand_in_for_all_others_and_a_climatology_for_them() {
+        // An effective ionisation of 70 sfu, that of a quiet sun as in 2020, and one of 200 sfu.
+        let galileo = |a0| NavigationFile {
+            ionosphere: IonosphereTerms { galileo: Some([a0, 0.0, 0.0]), ..IonosphereTerms::default() },
+            ..Default::default()
+        };
+        let sight = sight(30.0, "2020-08-13T06:00:00");
+        let delay_m = |files| {
+            let mut skips = Skips::default();
+            (Products::new(Vec::new(), files).ionosphere_delay_m(&sight, &mut skips), skips.total())
+        };
+        let (quiet_m, counted) = delay_m(vec![galileo(75.0)]);
+        assert_eq!((delay_m(Vec::new()), counted), ((quiet_m, 1), 0), "the sun of that year");
+        assert!(delay_m(vec![galileo(200.0)]).0 > 2.0 * quiet_m && quiet_m > 1.0, "{quiet_m} m");
+        assert_eq!(delay_m(vec![galileo(0.0)]).1, 1, "zeros say that there are none");
+        assert_eq!(delay_m(vec![galileo(200.0), klobuchar()]), delay_m(vec![klobuchar()]));
     }
 }

@@ -13,7 +13,7 @@ use super::{
     BiasFile, ClockFile, ClockReference, GlonassEphemeris, KeplerEphemeris, NavigationFile, OrbitError,
     SatelliteState, Sp3, Sp3Position,
 };
-use crate::atmosphere::{IonosphereMaps, KlobucharCoefficients};
+use crate::atmosphere::{IonosphereMaps, KlobucharCoefficients, effective_ionisation_sfu};
 use crate::gnss::{Constellation, SatelliteId, SignalCode};
 use crate::time::GpsTime;
 
@@ -32,6 +32,7 @@ pub struct Products {
     pub(super) maps: Arc<IonosphereMaps>,
     ionosphere: Option<KlobucharCoefficients>,
     beidou_ionosphere: Option<KlobucharCoefficients>,
+    galileo_ionisation_sfu: Option<f64>,
     precise_span: Option<(GpsTime, GpsTime)>,
     leap_seconds: Option<i64>,
     glonass_channels: BTreeMap<u8, i8>,
@@ -113,6 +114,8 @@ impl Products {
         self.satellites.resize(PLACES, Satellite::default());
         self.ionosphere = self.ionosphere.or(file.ionosphere.gps);
         self.beidou_ionosphere = self.beidou_ionosphere.or(file.ionosphere.beidou);
+        let ionisation_sfu = || file.ionosphere.galileo.and_then(effective_ionisation_sfu);
+        self.galileo_ionisation_sfu = self.galileo_ionisation_sfu.or_else(ionisation_sfu);
         self.leap_seconds = self.leap_seconds.or(file.leap_seconds);
         for ephemeris in file.ephemerides {
             if let Some(satellite) = place(ephemeris.satellite).and_then(|at| self.satellites.get_mut(at)) {
@@ -227,6 +230,11 @@ impl Products {
     /// Coefficients of BeiDou's own model from the first navigation file that has them; see [`Products::ionosphere_delay_m`].
     pub const fn beidou_ionosphere(&self) -> Option<KlobucharCoefficients> {
         self.beidou_ionosphere
+    }
+
+    /// Effective ionisation by Galileo's coefficients of the first navigation file that has them, sfu; see [`Products::ionosphere_delay_m`].
+    pub const fn galileo_ionisation_sfu(&self) -> Option<f64> {
+        self.galileo_ionisation_sfu
     }
 
     /// Seconds by which GPS time is ahead of UTC, from the first navigation file that states them.

@@ -259,7 +259,7 @@ fn nonsense_is_refused_with_a_reason() {
         ("missing field `course_deg`", rule("kind='heading'\ntolerance_deg=10")),
         ("course_deg is 400", rule("kind='heading'\ncourse_deg=400\ntolerance_deg=10")),
         ("tolerance_deg is 90; it must be below 90", rule("kind='heading'\ncourse_deg=0\ntolerance_deg=90")),
-        ("unknown variant `height`", rule("kind='height'")),
+        ("unknown variant `depth`", rule("kind='depth'")),
         ("minimum_mps 3 is above maximum_mps 2", rule("kind='speed'\nmaximum_mps=2\nminimum_mps=3")),
         ("write at least one of both", rule("kind='speed'")),
         (

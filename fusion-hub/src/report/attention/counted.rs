@@ -31,7 +31,7 @@ const SHARES: [Share; 5] = [
         left_out: false,
         limits: (0.0, 0.1),
         kind: "ionosphere-nominal",
-        text: "the ionosphere is corrected by nominal values, which costs metres (observations)",
+        text: "the ionosphere is corrected by a climatology, which may cost metres (observations)",
         advice: "Name a navigation file with Klobuchar terms in its header, or an IONEX map of the day, or ionosphere = \"pair\" for phones with two bands",
     },
     Share {
