@@ -13,8 +13,8 @@ use super::{JointFilter, STATES_PER_PHONE};
 const OUTLIER_SIGMAS: f64 = 4.0;
 /// Minimum number of range rates that agree: two more than velocity and drift need.
 const FEWEST: usize = 6;
-/// Minimum share of the offered range rates that agree.
-const AGREEING_SHARE: f64 = 0.6;
+/// Minimum share of the offered range rates that agree. In a street a wrong velocity may suit more than half.
+const AGREEING_SHARE: f64 = 0.8;
 /// Velocity step in standard deviations of the difference between common velocity and prediction.
 const STEP_SIGMAS: f64 = 5.0;
 /// Longest time over which a velocity step is an acceleration, s.
