@@ -69,6 +69,16 @@ impl Information {
         Self { root, z, mean }
     }
 
+    /// Rows that measure three states themselves.
+    pub fn of_values(values: &Vector3<f64>, sigma: f64) -> Self {
+        let root = DMatrix::from_diagonal_element(3, 3, sigma.recip());
+        Self {
+            z: DVector::from_iterator(3, values.iter().map(|value| value / sigma)),
+            root,
+            mean: DVector::zeros(3),
+        }
+    }
+
     /// The states that fit the rows alone; `None` if a direction has no information.
     pub fn solution(&self) -> Option<DVector<f64>> {
         let is_whole = self.root.diagonal().iter().all(|pivot| *pivot > 0.0);

@@ -8,6 +8,7 @@ use super::consider::Consider;
 use super::noise_level::NoiseLevel;
 use super::process::Step;
 use super::slots::{Interval, Slot};
+use super::standing::Standing;
 use super::{FilterOptions, PhoneState, STATES_PER_PHONE};
 use crate::frames::{Ecef, EcefVector, LocalFrame};
 use crate::gnss::ClockGroup;
@@ -166,6 +167,7 @@ impl JointFilter {
             rates_rejected: 0,
             far: 0,
             noise_level: NoiseLevel::default(),
+            standing: Standing::default(),
         });
         self.intervals.entry(phone).or_default().take(time_gps);
     }

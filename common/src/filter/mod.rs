@@ -31,6 +31,7 @@ mod noise_level;
 mod options;
 mod process;
 mod slots;
+mod standing;
 mod update;
 mod weights;
 

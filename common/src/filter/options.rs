@@ -6,6 +6,7 @@ use super::SharedErrors;
 
 /// Options of the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::struct_excessive_bools)] // independent switches
 pub struct FilterOptions {
     /// Motion model of the phones.
     pub process: ProcessNoise,
@@ -26,6 +27,9 @@ pub struct FilterOptions {
     pub use_rates: bool,
     /// Whether changes of range by carrier phase are used.
     pub use_changes: bool,
+    /// Whether a phone that stands still by its Doppler gets a velocity of zero. Off by default: a phone that creeps away from one that stands is
+    /// noticed later.
+    pub use_standing: bool,
     /// Whether the filter takes only the observations that the phone's RAIM kept.
     pub only_used: bool,
     /// Errors that all phones share, for the second covariance.
@@ -139,6 +143,7 @@ impl FilterOptions {
             robust: RobustWeights { keep: f64::INFINITY, reject: f64::INFINITY },
             use_rates: false,
             use_changes: false,
+            use_standing: false,
             only_used: true,
             shared: SharedErrors::NONE,
             maximum_gap_s: 10.0,
@@ -160,6 +165,7 @@ impl Default for FilterOptions {
             robust: RobustWeights { keep: 1.0, reject: 5.0 },
             use_rates: true,
             use_changes: true,
+            use_standing: false,
             only_used: false,
             shared: SharedErrors {
                 satellite_sigma_m: 0.3,

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::STATES_PER_PHONE;
 use super::noise_level::NoiseLevel;
+use super::standing::Standing;
 use crate::frames::Ecef;
 use crate::gnss::ClockGroup;
 use crate::time::GpsTime;
@@ -40,6 +41,7 @@ pub(super) struct Slot {
     /// Number of consecutive reliable solutions that lie far from the prediction.
     pub far: u32,
     pub noise_level: NoiseLevel,
+    pub standing: Standing,
 }
 
 impl Slot {

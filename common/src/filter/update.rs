@@ -36,6 +36,8 @@ pub struct UpdateReport {
     pub rates: Kept,
     /// Changes of range.
     pub changes: Kept,
+    /// Whether the phone stands still.
+    pub stands: bool,
     /// Normalised innovation squared of the code, clock removed.
     pub code_nis: f64,
     /// Number of independent rows in [`UpdateReport::code_nis`]; its expected value if model and measurements agree.
@@ -85,7 +87,7 @@ impl JointFilter {
         let offered: Vec<&CorrectedObservation> = observations.iter().filter(is_offered).collect();
         let position = self.position(slot);
         let (codes, code) = self.update_codes(slot, position, &offered);
-        let (rates, rate) = if self.options.use_rates {
+        let (rates, rate, stands) = if self.options.use_rates {
             self.update_rates(slot, position, &offered)
         } else {
             Default::default()
@@ -94,7 +96,16 @@ impl JointFilter {
             self.mark_measured(slot, codes, rates);
         }
         let (code_nis, code_rows, rate_nis, rate_rows) = (code.nis, code.rows, rate.nis, rate.rows);
-        UpdateReport { codes, rates, code_nis, code_rows, rate_nis, rate_rows, ..UpdateReport::default() }
+        UpdateReport {
+            codes,
+            rates,
+            stands,
+            code_nis,
+            code_rows,
+            rate_nis,
+            rate_rows,
+            ..UpdateReport::default()
+        }
     }
 
     fn update_codes(
@@ -107,10 +118,12 @@ impl JointFilter {
         let code: Vec<Row> = observations.iter().map(|o| code_row(o, position, &groups)).collect();
         self.prepare_biases(slot, &groups, &code);
         let interval_s = self.silence_s(slot);
-        let inflation = self.options.code_noise.inflation(interval_s, self.slots[slot].is_tied);
+        let is_tied =
+            self.slots[slot].is_tied || (self.options.use_standing && self.slots[slot].standing.stands());
+        let inflation = self.options.code_noise.inflation(interval_s, is_tied);
         let known = &self.slots[slot];
         let FilterOptions { lasting_weight, tied_lasting_weight, .. } = self.options;
-        let lasting_weight = if known.is_tied { tied_lasting_weight } else { lasting_weight };
+        let lasting_weight = if is_tied { tied_lasting_weight } else { lasting_weight };
         let row = |(row, o): (&Row, &&CorrectedObservation)| {
             let bias = known.bias(o.clock_group());
             let bias_m = bias.map_or(0.0, |place| self.mean[known.first_bias() + place]);
@@ -154,7 +167,7 @@ impl JointFilter {
         slot: usize,
         position: Ecef,
         observations: &[&CorrectedObservation],
-    ) -> (Kept, Innovation) {
+    ) -> (Kept, Innovation, bool) {
         let at = self.slots[slot].at + VELOCITY;
         let velocity: Vector3<f64> = self.mean.fixed_rows::<3>(at).into_owned();
         let scale = self.options.rate_sigma_scale.powi(-2);
@@ -183,7 +196,8 @@ impl JointFilter {
             let (root, gain) = (&information.root, &gain);
             consider.update(&Block { states: &states, root, gain, noise, shared: None });
         }
-        (kept(&factors), innovation)
+        let stands = innovation.rows > 0 && self.stand(slot, &velocity, &information);
+        (kept(&factors), innovation, stands)
     }
 
     /// Covariance of three consecutive states.

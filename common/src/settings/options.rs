@@ -274,6 +274,7 @@ impl FilterSettings {
             robust_reject_sigmas: reject,
             doppler: options.use_rates,
             carrier_phase: options.use_changes,
+            standing_still: options.use_standing,
             raim_selection: options.only_used,
             bias_walk_m2ps: options.bias_walk_m2ps,
             shared_satellite_sigma_m: shared.satellite_sigma_m,
@@ -304,6 +305,7 @@ impl FilterSettings {
             robust: RobustWeights { keep: self.robust_keep_sigmas, reject: self.robust_reject_sigmas },
             use_rates: self.doppler,
             use_changes: self.carrier_phase,
+            use_standing: self.standing_still,
             only_used: self.raim_selection,
             bias_walk_m2ps: self.bias_walk_m2ps,
             shared: SharedErrors {

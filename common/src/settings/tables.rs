@@ -263,6 +263,8 @@ tables! {
         doppler: bool = ["switch", ()];
         /// Whether changes of range by carrier phase are used.
         carrier_phase: bool = ["switch", ()];
+        /// Whether a phone that stands still by its Doppler gets a velocity of zero, where phases do not say more.
+        standing_still: bool = ["switch", ()];
         /// Whether the filter takes only the observations that RAIM kept; if not, it judges all by their innovations.
         raim_selection: bool = ["switch", ()];
         /// Spectral density of the random walk of the biases between a receiver's constellations and bands; inf gives each a clock of its own

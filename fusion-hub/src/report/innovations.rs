@@ -16,6 +16,8 @@ pub struct FilterReport {
     pub rates: u64,
     /// Range rates whose weight was zero.
     pub rates_rejected: u64,
+    /// Updates at which the phone stood still.
+    pub standing: u64,
     /// Changes of range by carrier phase offered.
     pub changes: u64,
     /// Changes of range that could not be used, for the position to which they refer was not there.
@@ -42,6 +44,7 @@ impl FilterReport {
         self.codes_rejected += (update.codes.offered - update.codes.kept) as u64;
         self.rates += update.rates.offered as u64;
         self.rates_rejected += (update.rates.offered - update.rates.kept) as u64;
+        self.standing += u64::from(update.stands);
         self.changes += update.changes.offered as u64;
         self.changes_unused += (update.changes.offered - update.changes.kept) as u64;
         self.code_rows += update.code_rows as u64;
