@@ -34,7 +34,7 @@ const L1_M_PER_TECU: f64 = 40.3e16 / (L1_HZ * L1_HZ);
 /// Solar fluxes that are plausible, sfu.
 const FLUX_SFU: std::ops::RangeInclusive<f64> = 0.0..=500.0;
 
-/// Yearly means of the solar radio flux at 10.7 cm (Penticton), sfu, rounded to five.
+/// Approximate yearly means of the solar radio flux at 10.7 cm, sfu, in steps of five.
 const FIRST_YEAR: i32 = 2008;
 const YEARLY_FLUX_SFU: [f64; 18] = [
     70.0, 70.0, 80.0, 115.0, 120.0, 125.0, 145.0, 120.0, 90.0, 75.0, 70.0, 70.0, 75.0, 80.0, 130.0, 160.0,
