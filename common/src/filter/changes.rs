@@ -5,9 +5,6 @@
 //! δΔρ = −u·δr + u'·δr' + c·Δdt. Nothing is approximated but by linearising, so any interval serves. The kept position is
 //! dropped before code and Doppler are applied, since nothing later depends on it.
 
-use nalgebra::DMatrix;
-
-use super::consider::Block;
 use super::information::{Information, Measured, Other};
 use super::joint::{JointFilter, Kept};
 use super::slots::KEPT_STATES;
@@ -37,12 +34,7 @@ impl JointFilter {
         let rows: Vec<Measured> = observations.iter().filter_map(|o| change_row(o, now, then)).collect();
         let states: Vec<usize> = (at..at + 3).chain(before..before + KEPT_STATES).collect();
         let information = Information::new(&rows, states.len());
-        let (gain, innovation) = self.apply(&states, &information);
-        if let Some(consider) = self.consider.as_mut().filter(|_| innovation.rows > 0) {
-            let noise = DMatrix::identity(states.len(), states.len());
-            let (root, gain) = (&information.root, &gain);
-            consider.update(&Block { states: &states, root, gain, noise, shared: None });
-        }
+        let innovation = self.apply_unshared(&states, &information);
         (Kept { kept: offered, offered }, innovation)
     }
 
@@ -72,9 +64,6 @@ impl JointFilter {
             return;
         }
         let index = self.slots[slot].behind_biases();
-        for later in self.slots.iter_mut().skip(slot + 1) {
-            later.at -= KEPT_STATES;
-        }
         self.remove_states(index, KEPT_STATES);
     }
 }
@@ -90,9 +79,10 @@ fn change_row(observation: &CorrectedObservation, now: Ecef, then: Ecef) -> Opti
         weight: change.sigma_m.powi(-2),
     })
 }
+
 #[cfg(test)]
 mod tests {
-    use nalgebra::{DVector, Matrix3, Vector3};
+    use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
     use super::*;
     use crate::filter::process::Step;

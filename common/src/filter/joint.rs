@@ -179,14 +179,14 @@ impl JointFilter {
         }
         let (at, states) = (self.slots[slot].at, self.slots[slot].len());
         self.slots.remove(slot);
-        for later in self.slots.iter_mut().skip(slot) {
-            later.at -= states;
-        }
         self.remove_states(at, states);
     }
 
-    /// Removes states from the joint distribution (marginalisation).
+    /// Removes states from the joint distribution (marginalisation); those of later phones move up.
     pub(super) fn remove_states(&mut self, at: usize, states: usize) {
+        for later in self.slots.iter_mut().filter(|slot| slot.at > at) {
+            later.at -= states;
+        }
         let mean = std::mem::replace(&mut self.mean, DVector::zeros(0));
         self.mean = mean.remove_rows(at, states);
         let covariance = std::mem::replace(&mut self.covariance, DMatrix::zeros(0, 0));

@@ -4,10 +4,9 @@
 //! the filter believes. A phone that stands gets its velocity as a measurement: zero. Between epochs tied by changes of range (see
 //! [`super::changes`]) that is known better already.
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::Vector3;
 
 use super::JointFilter;
-use super::consider::Block;
 use super::information::Information;
 
 /// Time over which velocities are averaged, s.
@@ -66,12 +65,7 @@ impl JointFilter {
         let at = self.slots[slot].at + 3;
         let states = [at, at + 1, at + 2];
         let zero = Information::of_values(&-self.mean.fixed_rows::<3>(at), SIGMA_MPS);
-        let (gain, _) = self.apply(&states, &zero);
-        if let Some(consider) = &mut self.consider {
-            let noise = DMatrix::identity(states.len(), states.len());
-            let (root, gain) = (&zero.root, &gain);
-            consider.update(&Block { states: &states, root, gain, noise, shared: None });
-        }
+        self.apply_unshared(&states, &zero);
         true
     }
 }

@@ -190,12 +190,7 @@ impl JointFilter {
             factors = reweight(&mut rows, &self.prior(at), self.options.robust);
         }
         let information = Information::new(&rows, states.len());
-        let (gain, innovation) = self.apply(&states, &information);
-        if let Some(consider) = self.consider.as_mut().filter(|_| innovation.rows > 0) {
-            let noise = DMatrix::identity(states.len(), states.len());
-            let (root, gain) = (&information.root, &gain);
-            consider.update(&Block { states: &states, root, gain, noise, shared: None });
-        }
+        let innovation = self.apply_unshared(&states, &information);
         let stands = innovation.rows > 0 && self.stand(slot, &velocity, &information);
         (kept(&factors), innovation, stands)
     }
@@ -205,12 +200,19 @@ impl JointFilter {
         self.covariance.fixed_view::<3, 3>(at, at).into_owned()
     }
 
+    /// Applies compressed rows about some states, whose noise has the unit variance that they say, to both covariances. Errors that all phones
+    /// share are not in them.
+    pub(super) fn apply_unshared(&mut self, states: &[usize], information: &Information) -> Innovation {
+        let (gain, innovation) = self.apply(states, information);
+        if let Some(consider) = self.consider.as_mut().filter(|_| innovation.rows > 0) {
+            let noise = DMatrix::identity(states.len(), states.len());
+            consider.update(&Block { states, root: &information.root, gain: &gain, noise, shared: None });
+        }
+        innovation
+    }
+
     /// Applies compressed rows about some states. Returns the gain on all of them together.
-    pub(super) fn apply(
-        &mut self,
-        states: &[usize],
-        information: &Information,
-    ) -> (DMatrix<f64>, Innovation) {
+    fn apply(&mut self, states: &[usize], information: &Information) -> (DMatrix<f64>, Innovation) {
         let n = self.mean.len();
         let mut gains = DMatrix::zeros(n, states.len());
         let (mut ph, mut gain) = (DVector::zeros(n), DVector::zeros(n));

@@ -2,10 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::gnss::{SatelliteId, SignalCode};
-
-/// A satellite's signal.
-pub(crate) type SignalKey = (SatelliteId, SignalCode);
+pub(crate) use crate::gnss::SignalKey;
 
 /// Keeps for each signal whether its lock was lost since its last phase. A receiver may say so while it gives no phase, or on an
 /// observation that is not used; the next phase then does not continue those before.
@@ -32,7 +29,7 @@ impl LostLocks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gnss::Constellation;
+    use crate::gnss::{Constellation, SatelliteId, SignalCode};
 
     #[test]
     fn the_next_phase_tells_a_loss_once() {

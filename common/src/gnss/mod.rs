@@ -14,4 +14,4 @@ pub(crate) use limits::MAX_PHASE_CYCLES;
 pub use limits::{CN0_BOUNDS_DBHZ, MAX_DOPPLER_HZ, PSEUDORANGE_BOUNDS_M};
 pub use misnamed::Misnamed;
 pub use observation::{EpochFlag, LossOfLock, Observation, ObservationEpoch};
-pub use signal::{ClockGroup, SignalCode};
+pub use signal::{ClockGroup, SignalCode, SignalKey};

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::Constellation;
+use super::{Constellation, SatelliteId};
 use crate::constants::SPEED_OF_LIGHT_MPS;
 
 /// A tracked signal: the RINEX 3 band digit and attribute letter ("1C", "5X", "2I").
@@ -17,6 +17,9 @@ pub struct SignalCode {
     /// RINEX attribute letter, blank for an unknown tracking mode; for a pair that of the first signal.
     pub attribute: u8,
 }
+
+/// A satellite's signal.
+pub type SignalKey = (SatelliteId, SignalCode);
 
 /// One receiver clock (with its hardware bias): a constellation on one RINEX band, or on a pair of bands.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

@@ -13,7 +13,7 @@ use super::{Carrier, CorrectedObservation, RangeRate, SharedError, StochasticMod
 use crate::atmosphere::{STANDARD_RELATIVE_HUMIDITY, Troposphere, TroposphereMapping};
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
-use crate::gnss::{Constellation, Observation, ObservationEpoch, SatelliteId, SignalCode};
+use crate::gnss::{Constellation, Observation, ObservationEpoch, SignalKey};
 use crate::orbit::{IonosphereDelay, LineOfSight, OrbitError, Products, SatelliteState};
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
@@ -320,7 +320,7 @@ impl Corrector {
                 continue;
             }
             let (corrected, carrier) = view.correct(observation, &seen, &self.products, &mut finished.masked);
-            finished.carriers.insert((corrected.satellite, corrected.signal), carrier);
+            finished.carriers.insert(corrected.signal_key(), carrier);
             finished.observations.push(corrected);
         }
         finished
@@ -328,7 +328,7 @@ impl Corrector {
 }
 
 /// Carriers of an epoch by signal.
-pub type Carriers = BTreeMap<(SatelliteId, SignalCode), Carrier>;
+pub type Carriers = BTreeMap<SignalKey, Carrier>;
 
 /// An epoch as seen from a position.
 #[derive(Clone, Debug, Default)]

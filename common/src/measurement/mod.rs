@@ -47,7 +47,7 @@ pub use stochastic::{StochasticModel, VarianceModel};
 use serde::{Deserialize, Serialize};
 
 use crate::frames::{Direction, Ecef, EcefVector};
-use crate::gnss::{ClockGroup, LossOfLock, SatelliteId, SignalCode};
+use crate::gnss::{ClockGroup, LossOfLock, SatelliteId, SignalCode, SignalKey};
 
 /// Corrected pseudorange and range rate, with only geometry, receiver clock and noise left.
 ///
@@ -142,6 +142,11 @@ impl CorrectedObservation {
     /// Variance of the pseudorange without its shared errors, m²: noise and multipath of this receiver.
     pub fn noise_variance_m2(&self) -> f64 {
         (self.pseudorange_sigma_m.powi(2) - self.shared.satellite_sigma_m.powi(2)).max(0.0)
+    }
+
+    /// The satellite and its signal.
+    pub const fn signal_key(&self) -> SignalKey {
+        (self.satellite, self.signal)
     }
 
     /// Receiver clock of this observation.

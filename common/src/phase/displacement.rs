@@ -2,10 +2,9 @@
 
 use nalgebra::{Cholesky, U3, Vector3};
 
-use super::SignalKey;
 use crate::filter::RobustWeights;
 use crate::frames::Ecef;
-use crate::gnss::ClockGroup;
+use crate::gnss::{ClockGroup, SignalKey};
 use crate::solve::elimination::{Eliminated, Row};
 
 /// Minimum number of changes: two more than displacement and clock need.
@@ -92,7 +91,8 @@ pub(super) fn fit(changes: &[Change], weights: &[f64], moved: Option<Vector3<f64
     let mut rows: Vec<Row> = changes.iter().zip(weights).map(row).collect();
     let start = moved.or_else(|| solve(&rows).map(|(eliminated, factor)| factor.solve(&eliminated.rhs)))?;
     let mut fit = Fit::about(&rows, weights, &start, None);
-    for _ in 0..ROUNDS {
+    let mut round = 0;
+    let (eliminated, factor) = loop {
         for ((row, weight), factor) in rows.iter_mut().zip(weights).zip(&fit.factors) {
             row.weight = weight * factor;
         }
@@ -104,11 +104,11 @@ pub(super) fn fit(changes: &[Change], weights: &[f64], moved: Option<Vector3<f64
         let before = std::mem::take(&mut fit.factors);
         fit = Fit::about(&rows, weights, &displacement, Some(eliminated.clock(0, &displacement)));
         let is_settled = fit.factors.iter().zip(&before).all(|(new, old)| (new - old).abs() < SETTLED);
-        if is_settled {
-            break;
+        round += 1;
+        if is_settled || round == ROUNDS {
+            break (eliminated, factor);
         }
-    }
-    let (eliminated, factor) = solve(&rows)?;
+    };
     let taken = |row: &Row| {
         let h = eliminated.centred(row);
         row.weight * (h.dot(&factor.solve(&h)) + 1.0 / eliminated.group_weight(0))

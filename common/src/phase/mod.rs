@@ -12,7 +12,7 @@ mod noise;
 use std::collections::BTreeMap;
 
 use crate::frames::{Ecef, EcefVector};
-use crate::gnss::{SatelliteId, SignalCode};
+use crate::gnss::SignalKey;
 use crate::measurement::{Carrier, Carriers, CorrectedObservation, RangeChange};
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
@@ -32,8 +32,6 @@ const LEAST_SIGMA_M: f64 = 0.01;
 /// Standard deviation, m, and over longer intervals m/s, above which a change says no more than a Doppler. Phases of such phones are
 /// integrated Dopplers: their errors have the same sign for seconds, and are those of the Doppler once more.
 const USELESS_SIGMA_M: f64 = 0.05;
-
-type SignalKey = (SatelliteId, SignalCode);
 
 /// An epoch with its carriers.
 pub(crate) struct CarrierEpoch<'a> {
@@ -93,7 +91,7 @@ impl PhaseTracker {
         });
         if let Some(averaged_s) = self.doppler.averaged_s() {
             let has_phase = |o: &CorrectedObservation| {
-                epoch.carriers.get(&(o.satellite, o.signal)).is_some_and(|carrier| carrier.phase_m.is_some())
+                epoch.carriers.get(&o.signal_key()).is_some_and(|carrier| carrier.phase_m.is_some())
             };
             let averaged = observations.iter_mut().filter(|observation| has_phase(observation));
             for rate in averaged.filter_map(|observation| observation.range_rate.as_mut()) {
@@ -143,11 +141,11 @@ fn give(
             skips.add(Reason::PhaseContradictsOthers, describe);
             continue;
         }
-        let sigma_m = (fitted.scale / (weight * factor).sqrt()).max(LEAST_SIGMA_M);
         if weight.powf(-0.5) > USELESS_SIGMA_M {
             skips.add(Reason::PhaseTooNoisy, describe);
             continue;
         }
+        let sigma_m = (fitted.scale / (weight * factor).sqrt()).max(LEAST_SIGMA_M);
         let satellite_before = change.geometry.satellite_before;
         observations[change.index].range_change =
             Some(RangeChange { change_m: change.value_m, sigma_m, satellite_before });
@@ -159,13 +157,26 @@ fn give(
 impl Before {
     fn of(epoch: &CarrierEpoch<'_>, observations: &[CorrectedObservation]) -> Self {
         let known = |observation: &CorrectedObservation| {
-            let key = (observation.satellite, observation.signal);
+            let key = observation.signal_key();
             let carrier = *epoch.carriers.get(&key)?;
             let rate_mps = observation.range_rate.map(|rate| rate.range_rate_mps);
             Some((key, Known { carrier, satellite: observation.satellite_position, rate_mps }))
         };
         let signals = observations.iter().filter_map(known).collect();
         Self { time_gps: epoch.time_gps, signals }
+    }
+
+    /// The observations of signals that were observed before, with their place, their carrier and what is known of the epoch before.
+    fn again<'a>(
+        &'a self,
+        epoch: &'a CarrierEpoch<'_>,
+        observations: &'a [CorrectedObservation],
+    ) -> impl Iterator<Item = Again<'a>> {
+        observations.iter().enumerate().filter_map(|(index, observation)| {
+            let key = observation.signal_key();
+            let (carrier, known) = epoch.carriers.get(&key).zip(self.signals.get(&key))?;
+            Some(Again { index, observation, carrier, known })
+        })
     }
 
     /// The changes of the signals whose phase the receiver says to have tracked without interruption.
@@ -176,26 +187,19 @@ impl Before {
         skips: &mut Skips,
     ) -> Vec<Change> {
         let mut changes = Vec::new();
-        for (index, observation) in observations.iter().enumerate() {
-            let key = (observation.satellite, observation.signal);
-            let Some((carrier, known)) = epoch.carriers.get(&key).zip(self.signals.get(&key)) else {
-                continue;
-            };
+        for again in self.again(epoch, observations) {
+            let Again { observation, carrier, known, .. } = again;
             let Some((phase_m, before_m)) = carrier.phase_m.zip(known.carrier.phase_m) else { continue };
             let (now, then) = (carrier.loss_of_lock, known.carrier.loss_of_lock);
             if now.cycle_slip || now.half_cycle != then.half_cycle {
-                skips.add(Reason::PhaseLockLost, || format!("{} {} at {}", key.0, key.1, epoch.time_gps));
+                skips.add(Reason::PhaseLockLost, || {
+                    format!("{} {} at {}", observation.satellite, observation.signal, epoch.time_gps)
+                });
                 continue;
             }
-            changes.push(Change {
-                index,
-                key,
-                group: observation.clock_group(),
-                source: Source::Phase,
-                value_m: phase_m - before_m + carrier.delay_m - known.carrier.delay_m,
-                rates_mps: observation.range_rate.map(|rate| rate.range_rate_mps).zip(known.rate_mps),
-                geometry: Geometry::new(observation.satellite_position, known.satellite, epoch.position),
-            });
+            let value_m = phase_m - before_m + carrier.delay_m - known.carrier.delay_m;
+            let rates_mps = observation.range_rate.map(|rate| rate.range_rate_mps).zip(known.rate_mps);
+            changes.push(again.change(Source::Phase, value_m, rates_mps, epoch.position));
         }
         changes
     }
@@ -211,25 +215,41 @@ impl Before {
         // The clock of the phases may be steered and that of the Dopplers not.
         let of_both = by_phase.iter().filter_map(|c| Some(c.value_m - c.rates_mps?.0 * interval_s));
         let clock_m = displacement::median(&of_both.collect::<Vec<f64>>());
-        let change = |(index, observation): (usize, &CorrectedObservation)| {
-            if by_phase.iter().any(|change| change.index == index) {
+        let change = |again: Again<'_>| {
+            let Again { index, observation, carrier, known } = again;
+            if carrier.phase_m.is_none() || by_phase.iter().any(|change| change.index == index) {
                 return None;
             }
-            let key = (observation.satellite, observation.signal);
-            let (carrier, known) = epoch.carriers.get(&key).zip(self.signals.get(&key))?;
-            carrier.phase_m?;
             let delay_m = carrier.delay_m - known.carrier.delay_m;
-            Some(Change {
-                index,
-                key,
-                group: observation.clock_group(),
-                source: Source::Doppler,
-                value_m: observation.range_rate?.range_rate_mps * interval_s + clock_m + delay_m,
-                rates_mps: None,
-                geometry: Geometry::new(observation.satellite_position, known.satellite, epoch.position),
-            })
+            let value_m = observation.range_rate?.range_rate_mps * interval_s + clock_m + delay_m;
+            Some(again.change(Source::Doppler, value_m, None, epoch.position))
         };
-        observations.iter().enumerate().filter_map(change).collect()
+        self.again(epoch, observations).filter_map(change).collect()
+    }
+}
+
+/// An observation of a signal that was observed at the epoch before too.
+#[derive(Clone, Copy)]
+struct Again<'a> {
+    /// Place of the observation.
+    index: usize,
+    observation: &'a CorrectedObservation,
+    carrier: &'a Carrier,
+    known: &'a Known,
+}
+
+impl Again<'_> {
+    fn change(&self, source: Source, value_m: f64, rates_mps: Option<(f64, f64)>, position: Ecef) -> Change {
+        let Self { index, observation, known, .. } = *self;
+        Change {
+            index,
+            key: observation.signal_key(),
+            group: observation.clock_group(),
+            source,
+            value_m,
+            rates_mps,
+            geometry: Geometry::new(observation.satellite_position, known.satellite, position),
+        }
     }
 }
 
