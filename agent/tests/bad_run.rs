@@ -12,7 +12,7 @@ use assert_cmd::Command;
 use cofix_agent::{AgentConfig, ProductSource, Source, Stop, run};
 use cofix_common::simulation::{Scenario, Simulation};
 use cofix_common::skips::Reason;
-use cofix_common::wire::PhoneStatus;
+use cofix_common::wire::{PhoneStatus, WIRE_VERSION};
 
 use hub_support::Hub;
 use recordings::{Recording, compact, log, rinex_2, rinex_3, rtcm, table};
@@ -100,6 +100,6 @@ fn a_hub_of_another_version_is_named() {
         let products = ProductSource::Loaded(Arc::new(orbits.products()));
         let config = AgentConfig { products, ..hub.agent(Source::File { path: path.clone(), near: None }) };
         let error = run(&config, &Stop::default()).unwrap_err().to_string();
-        assert!(error.contains(due) && error.contains("this agent speaks wire version 4"), "{error}");
+        assert!(error.contains(due) && error.contains(&format!("this agent speaks wire version {WIRE_VERSION}")), "{error}");
     }
 }

@@ -50,7 +50,7 @@ fn local(place: &str) -> Accuracy {
 #[test]
 #[ignore = "needs the reference data"]
 fn street_and_elevated_road() {
-    for (place, p50_m, p95_m, up_m) in [("street", 6.05, 12.67, 7.86), ("elevated", 5.25, 14.57, 9.0)] {
+    for (place, p50_m, p95_m, up_m) in [("street", 4.91, 10.92, 5.66), ("elevated", 4.16, 14.87, 6.43)] {
         let accuracy = local(place);
         let Accuracy { horizontal_p50_m, horizontal_p95_m, rmse_up_m, nees_horizontal, .. } = accuracy;
         println!("{place}: {horizontal_p50_m:.2} / {horizontal_p95_m:.2} m, height {rmse_up_m:.2} m");

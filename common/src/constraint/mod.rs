@@ -40,7 +40,7 @@ pub mod truncation;
 use serde::{Deserialize, Serialize};
 
 pub use engine::constrain;
-pub use kinds::{Constraint, Distance, Heading, Height, Quantity, Speed, VerticalVelocity};
+pub use kinds::{Constraint, Distance, Heading, Height, Quantity, SameVehicle, Speed, VerticalVelocity};
 pub use options::{ConstraintOptions, DistanceModel, HeadingGate, Method};
 pub use prior::{FreePhone, Prior};
 pub use separate::{Separated, constrain_separately};

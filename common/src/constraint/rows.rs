@@ -1,7 +1,7 @@
 //! Bounded rows, the linear form of constraints.
 //!
-//! Every constraint bounds one vector of three components that is linear in the joint state: the difference of two positions, a position, or the
-//! mean velocity of a phone. A row is a direction in the space of that vector and the interval of the component along it. A length |d| = uᵀd with
+//! Every constraint bounds one vector of three components that is linear in the joint state: the difference of two positions or velocities,
+//! a position, or the mean velocity of a phone. A row is a direction in the space of that vector and the interval of the component along it. A length |d| = uᵀd with
 //! the unit vector u of its linearisation is homogeneous, so rows have no constant; that of a height is part of its interval. The rotation of the up vector with the phone's position
 //! is neglected; it is one part in 6.4 million per metre.
 
@@ -105,8 +105,17 @@ impl Terms {
     }
 
     /// The vector from the second to the first phone.
-    pub fn difference([first, second]: [usize; 2]) -> Self {
-        let of = |phone, factor| Term { phone, part: Part::Position, factor };
+    pub fn difference(phones: [usize; 2]) -> Self {
+        Self::between(phones, Part::Position)
+    }
+
+    /// The velocity of the first phone less that of the second.
+    pub fn relative_velocity(phones: [usize; 2]) -> Self {
+        Self::between(phones, Part::Velocity)
+    }
+
+    fn between([first, second]: [usize; 2], part: Part) -> Self {
+        let of = |phone, factor| Term { phone, part, factor };
         Self { first: of(first, 1.0), second: Some(of(second, -1.0)) }
     }
 

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
+use super::kinds::BoundedLength;
 use super::rows::{BoundedRow, Rows, part, position};
 use super::truncation::{Gaussian, Interval, truncate};
 use super::*;
@@ -491,9 +492,12 @@ fn distance_rows_are_the_jacobian() {
         assert!((dense(bounded.into(), &row, 18, 0.0) - numeric).amax() < 1e-6);
         assert!((row.at(&vector) - distance(1.0, 5.0).value(&at, 0.0).unwrap()).abs() < 1e-8);
     }
+    let (frame, covariance) = (LocalFrame::at(position(&at, 0).unwrap()), Matrix3::zeros());
+    let options = ConstraintOptions { distance_model: DistanceModel::Box, ..ConstraintOptions::default() };
+    let boxed = Quantity { mean: vector, covariance, frame: &frame, options: &options };
     // The axes across are orthogonal to the direction and to each other, also near the pole.
     for direction in [direction, Vector3::z(), Vector3::new(1e-9, 0.0, -1.0).normalize()] {
-        let rows = bounded.linearised(&direction, &Matrix3::zeros(), DistanceModel::Box);
+        let rows = BoundedLength::rows_along(&bounded, &boxed, &direction);
         let rows = rows.map(|row| row.unwrap().axis);
         for i in 0..3 {
             for j in 0..3 {
@@ -502,6 +506,41 @@ fn distance_rows_are_the_jacobian() {
             }
         }
     }
+}
+
+/// Phone 0 knows its velocity to 0.1 m/s, phone 1, on the same body, to 2 m/s.
+#[test]
+fn phones_of_one_vehicle_share_their_motion() {
+    let together = Constraint::SameVehicle(SameVehicle { phones: [0, 1], maximum_mps: 0.8 });
+    let after = |first: [f64; 3], second: [f64; 3], options: &ConstraintOptions| {
+        let mut mean = state(&[([0.0; 3], first), ([1.0, 1.0, 0.0], second)]);
+        let mut spread = covariance(&[[5.0; 3]; 2]);
+        for axis in 0..3 {
+            spread[(3 + axis, 3 + axis)] = 0.01;
+            spread[(12 + axis, 12 + axis)] = 4.0;
+        }
+        let positions = (mean.fixed_rows::<3>(0).into_owned(), mean.fixed_rows::<3>(9).into_owned());
+        let constraints = [together];
+        constrain(&mut mean, &mut spread, &constraints, options);
+        assert_eq!(mean.fixed_rows::<3>(0), positions.0);
+        assert_eq!(mean.fixed_rows::<3>(9), positions.1);
+        (together.value(&mean, 0.0).unwrap(), mean, spread)
+    };
+    for options in all_options() {
+        let (apart_mps, mean, spread) = after([10.0, 0.0, 0.0], [12.0, 1.0, 0.5], &options);
+        assert!(apart_mps < 0.85, "{apart_mps} m/s");
+        let known = state(&[([0.0; 3], [10.0, 0.0, 0.0]), ([1.0, 1.0, 0.0], [0.0; 3])]);
+        assert!((mean.fixed_rows::<3>(3) - known.fixed_rows::<3>(3)).norm() < 0.05);
+        assert!(spread[(12, 12)] < 2.0, "{}", spread[(12, 12)]);
+        // Turning at 0.5 rad/s with 1.4 m between them is allowed: the difference stays.
+        let still = ConstraintOptions { act_when_inside: false, ..options };
+        let (apart_mps, ..) = after([10.0, 0.0, 0.0], [10.0, 0.7, 0.0], &still);
+        assert!((apart_mps - 0.7).abs() < 1e-9, "{apart_mps} m/s");
+    }
+    let at = state(&[([0.0; 3], [1.0, 2.0, 3.0]), ([1.0; 3], [4.0, -2.0, 1.0])]);
+    let row = rows_at(together, &at, &ConstraintOptions::default())[0].unwrap();
+    let numeric = differences(&together, &at, 0.0, 1e-4);
+    assert!((dense(together, &row, 18, 0.0) - numeric).amax() < 1e-6);
 }
 
 #[test]
@@ -676,6 +715,10 @@ fn constraints_are_written_with_the_keys_of_their_kind_and_read_back() {
             json!({"kind": "vertical-velocity", "maximum_mps": 0.5}),
         ),
         (speed(1.0, 14.0), json!({"kind": "speed", "minimum_mps": 1.0, "maximum_mps": 14.0})),
+        (
+            Constraint::SameVehicle(SameVehicle { phones: [0, 1], maximum_mps: 0.8 }),
+            json!({"kind": "same-vehicle", "maximum_mps": 0.8}),
+        ),
         (height(-20.0, 14.0), json!({"kind": "height", "minimum_m": -20.0, "maximum_m": 14.0})),
         (
             Constraint::Heading(Heading {

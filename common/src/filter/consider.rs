@@ -118,7 +118,7 @@ impl Consider {
 
     /// The sensitivity of an observation; a satellite that is seen first gets a state.
     pub fn sensitivity(&mut self, observation: &CorrectedObservation) -> Sensitivity {
-        let stated_m = self.options.satellite_share * observation.shared.satellite_sigma_m;
+        let stated_m = self.options.satellite_share * observation.shared.stated_sigma_m;
         let sigma_m = stated_m.max(self.options.satellite_sigma_m);
         let known = self.sorted.binary_search_by_key(&observation.satellite, |(satellite, _)| *satellite);
         let satellite = match known {
@@ -274,8 +274,11 @@ mod tests {
         for (index, observation) in observations.iter_mut().enumerate() {
             observation.range_rate = None;
             observation.pseudorange_m += [0.7, -0.7][index % 2] * observation.pseudorange_sigma_m;
-            observation.shared =
-                SharedError { satellite_sigma_m: 0.8, ionosphere_m: 3.0 + 0.5 * index as f64 };
+            observation.shared = SharedError {
+                stated_sigma_m: 0.8,
+                satellite_sigma_m: 0.8,
+                ionosphere_m: 3.0 + 0.5 * index as f64,
+            };
         }
         observations
     }

@@ -38,7 +38,7 @@ mod weights;
 pub use admit::{Admitted, PhoneEpoch, Unsound};
 pub use consider::SharedErrors;
 pub use joint::{JointFilter, Kept, Start};
-pub use options::{CodeNoise, FilterOptions, Motion, ProcessNoise, RobustWeights};
+pub use options::{CodeNoise, FilterOptions, LateCodes, Motion, ProcessNoise, RobustWeights};
 pub use update::UpdateReport;
 
 use nalgebra::{SMatrix, SVector};

@@ -23,6 +23,8 @@ pub struct FilterOptions {
     pub rate_sigma_scale: f64,
     /// Down-weighting of large innovations.
     pub robust: RobustWeights,
+    /// Mistrust of pseudoranges of weak signals that are longer than predicted.
+    pub late_codes: LateCodes,
     /// Whether Doppler is used.
     pub use_rates: bool,
     /// Whether changes of range by carrier phase are used.
@@ -97,6 +99,31 @@ pub struct RobustWeights {
     pub reject: f64,
 }
 
+/// Mistrust of long pseudoranges of weak signals. A signal that comes by a reflection alone is weak, and its path is longer, never shorter: in a
+/// street pseudoranges below 20 dB-Hz are tens of metres too long on the average (docs/results.md).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LateCodes {
+    /// Factor on the standardised innovation of a late pseudorange of a very weak signal; 1: none.
+    pub factor: f64,
+    /// C/N0 at which half of what exceeds 1 in the factor applies, dB-Hz.
+    pub cn0_dbhz: f64,
+}
+
+/// C/N0 over which the factor of late pseudoranges changes, dB.
+const LATE_WIDTH_DB: f64 = 3.0;
+
+impl LateCodes {
+    /// No mistrust.
+    pub const NONE: Self = Self { factor: 1.0, cn0_dbhz: 25.0 };
+
+    /// Factor for a C/N0, dB-Hz: 1 where there is none.
+    pub fn factor(&self, cn0_dbhz: Option<f64>) -> f64 {
+        cn0_dbhz.map_or(1.0, |cn0| {
+            1.0 + (self.factor - 1.0) / (1.0 + ((cn0 - self.cn0_dbhz) / LATE_WIDTH_DB).exp())
+        })
+    }
+}
+
 /// Correlation of code noise in time. Multipath lasts for tens of seconds; a filter that took it for white noise would average it away.
 ///
 /// The noise is white with variance (1 − κ)σ² and a Gauss-Markov process with κσ² and time constant τ. Over many epochs an interval Δt apart
@@ -141,6 +168,7 @@ impl FilterOptions {
             tied_lasting_weight: 1.0,
             rate_sigma_scale: 1.0,
             robust: RobustWeights { keep: f64::INFINITY, reject: f64::INFINITY },
+            late_codes: LateCodes::NONE,
             use_rates: false,
             use_changes: false,
             use_standing: false,
@@ -163,6 +191,7 @@ impl Default for FilterOptions {
             tied_lasting_weight: 3.0,
             rate_sigma_scale: 1.3,
             robust: RobustWeights { keep: 1.0, reject: 5.0 },
+            late_codes: LateCodes { factor: 3.0, cn0_dbhz: 25.0 },
             use_rates: true,
             use_changes: true,
             use_standing: false,
@@ -207,6 +236,14 @@ mod tests {
         assert_eq!(robust.factor(5.0), 0.0);
         let plain = RobustWeights { keep: f64::INFINITY, reject: f64::INFINITY };
         assert_eq!(plain.factor(1e9), 1.0);
+    }
+
+    #[test]
+    fn late_pseudoranges_of_weak_signals_are_mistrusted_and_of_strong_ones_are_not() {
+        let late = LateCodes { factor: 3.0, cn0_dbhz: 25.0 };
+        assert!((late.factor(Some(25.0)) - 2.0).abs() < 1e-12);
+        assert!(late.factor(Some(12.0)) > 2.9 && late.factor(Some(40.0)) < 1.02);
+        assert!(late.factor(None) == 1.0 && LateCodes::NONE.factor(Some(10.0)) == 1.0);
     }
 
     /// The mean of n measurements with correlations ρ^k of a share κ of their variance has n times the variance 1 + 2κΣρ^k of one, which is

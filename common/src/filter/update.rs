@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use super::consider::{Block, Consider};
 use super::information::{Information, Measured, Other};
 use super::joint::Kept;
-use super::weights::reweight;
+use super::weights::{reweight, reweight_delayed};
 use super::{FilterOptions, JointFilter};
 use crate::frames::Ecef;
 use crate::measurement::{CorrectedObservation, Usage};
@@ -139,7 +139,8 @@ impl JointFilter {
         let states: Vec<usize> =
             (known.at..known.at + 3).chain(known.first_bias()..known.behind_biases()).collect();
         let prior = self.prior(states[0]);
-        let factors = reweight(&mut rows, &prior, self.options.robust);
+        let late = |i: usize| self.options.late_codes.factor(observations[i].cn0_dbhz);
+        let factors = reweight_delayed(&mut rows, &prior, self.options.robust, late);
         let information = Information::new(&rows, states.len());
         self.slots[slot].noise_level.take(interval_s, &rows, observations, &prior);
         let level = self.slots[slot].noise_level.factor();

@@ -103,7 +103,7 @@ impl BiasedSatellites {
         average.sum_m += weight * residual_m;
         average.weight += weight;
         average.line = line.normalize().into();
-        let stated_m2 = (STATED_SHARE * observation.shared.satellite_sigma_m).powi(2);
+        let stated_m2 = (STATED_SHARE * observation.shared.stated_sigma_m).powi(2);
         let left_m2 = LEFT_NOISE_M.powi(2) + LEFT_SHARE * observation.noise_variance_m2();
         average.sigma_m = (stated_m2 + left_m2).sqrt();
     }

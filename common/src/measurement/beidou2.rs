@@ -82,6 +82,7 @@ mod tests {
             position: frame.origin() + frame.vector_enu_to_ecef(line),
             velocity: EcefVector::new(0.0, 0.0, 0.0),
             satellite_variance_m2: 1.0,
+            usual_variance_m2: 1.0,
             signal_variance_m2: 0.0,
             code_sigma_m: None,
             stated: None,

@@ -14,9 +14,14 @@ use crate::atmosphere::{STANDARD_RELATIVE_HUMIDITY, Troposphere, TroposphereMapp
 use crate::constants::{EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS};
 use crate::frames::{Direction, Ecef, EcefVector, LocalFrame};
 use crate::gnss::{Constellation, Observation, ObservationEpoch, SignalKey};
-use crate::orbit::{IonosphereDelay, LineOfSight, OrbitError, Products, SatelliteState};
+use crate::orbit::{
+    BroadcastAccuracy, ClockReference, IonosphereDelay, LineOfSight, OrbitError, Products, SatelliteState,
+};
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
+
+/// Share of [`CorrectionOptions::beidou_bias_sigma_m`] on broadcast clocks, to which BeiDou's group delays belong.
+const BEIDOU_BROADCAST_SHARE: f64 = 0.5;
 
 /// Masks and models of the corrections.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,8 +41,11 @@ pub struct CorrectionOptions {
     pub stochastic: StochasticModel,
     /// Standard deviation of a signal whose group delay is in no product, m.
     pub unknown_group_delay_sigma_m: f64,
-    /// Standard deviation of BeiDou's clocks and group delays together, m. It is larger than for the other systems: TGD1 enters
-    /// B1I with a factor of 1.94 on precise clocks, and receivers treat second- and third-generation satellites differently.
+    /// How large filters take the errors of broadcast orbits and clocks to be. Epoch-wise solutions and their tests rest on what is stated.
+    pub broadcast_accuracy: BroadcastAccuracy,
+    /// Standard deviation of BeiDou's clocks and group delays together, m, on precise clocks; half on broadcast ones. It is larger than for the
+    /// other systems: TGD1 enters B1I with a factor of 1.94 on precise clocks, and receivers treat second- and third-generation satellites
+    /// differently.
     pub beidou_bias_sigma_m: f64,
     /// Whether the variation of BeiDou-2's B1I pseudoranges with elevation is corrected, as by default. On four recorded drives it changes
     /// horizontal errors by at most 0.04 m, three of them to the better.
@@ -61,6 +69,7 @@ impl Default for CorrectionOptions {
             exclude: Vec::new(),
             stochastic: StochasticModel::default(),
             unknown_group_delay_sigma_m: 2.0,
+            broadcast_accuracy: BroadcastAccuracy::default(),
             beidou_bias_sigma_m: 2.0,
             beidou2_code_bias: true,
             glonass_bias_sigma_m: 3.0,
@@ -213,6 +222,18 @@ impl Corrector {
         });
     }
 
+    /// Usual variance of orbit, clock and group delay, m².
+    fn usual_variance_m2(&self, observation: &Observation, state: &SatelliteState) -> f64 {
+        let beidou_m2 = self.beidou_variance_m2(observation);
+        match state.clock_reference {
+            ClockReference::IonosphereFree => state.sigma_m.powi(2) + beidou_m2,
+            ClockReference::Broadcast => {
+                let sigma_m = self.options.broadcast_accuracy.sigma_m(observation.satellite, state.sigma_m);
+                sigma_m.powi(2) + BEIDOU_BROADCAST_SHARE.powi(2) * beidou_m2
+            }
+        }
+    }
+
     /// Additional variance of BeiDou's clocks and group delays, m².
     pub(super) fn beidou_variance_m2(&self, observation: &Observation) -> f64 {
         let is_beidou = observation.satellite.constellation == Constellation::Beidou;
@@ -277,6 +298,7 @@ impl Corrector {
             position: state.position,
             velocity: state.velocity,
             satellite_variance_m2: state.sigma_m.powi(2) + self.beidou_variance_m2(observation),
+            usual_variance_m2: self.usual_variance_m2(observation, state),
             signal_variance_m2: self.glonass_variance_m2(observation)
                 + if group_delay_m.is_none() { unknown_m * unknown_m } else { 0.0 },
             code_sigma_m: None,
@@ -463,9 +485,11 @@ impl<'a> View<'a> {
         });
         let variance = prepared.satellite_variance_m2 + signals_m2;
         let rate = self.options.stochastic.rate;
-        let satellite_m2 = prepared.satellite_variance_m2 + prepared.signal_variance_m2;
+        let with_signal =
+            |satellite_m2: f64| (satellite_m2 + prepared.signal_variance_m2).min(variance).sqrt();
         let shared = SharedError {
-            satellite_sigma_m: satellite_m2.min(variance).sqrt(),
+            stated_sigma_m: with_signal(prepared.satellite_variance_m2),
+            satellite_sigma_m: with_signal(prepared.usual_variance_m2),
             ionosphere_m: ionosphere.uncertain_m,
         };
         let observation = seen.rotated.observation(

@@ -86,7 +86,10 @@ pub struct CorrectedObservation {
 /// epochs removes them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SharedError {
-    /// Standard deviation of orbit, clock and group delay together, m. It is part of [`CorrectedObservation::pseudorange_sigma_m`].
+    /// Standard deviation of orbit, clock and group delay together that products state, m. It is part of
+    /// [`CorrectedObservation::pseudorange_sigma_m`].
+    pub stated_sigma_m: f64,
+    /// Their usual standard deviation, m, by which filters weigh (see [`crate::orbit::BroadcastAccuracy`]).
     pub satellite_sigma_m: f64,
     /// Ionospheric delay of this signal by which what is left of it is measured, m: a share of it is still in the observation. What
     /// broadcast coefficients removed, a third of what maps removed, a nominal delay where there is no model; 0 for ionosphere-free pairs and
@@ -141,7 +144,7 @@ pub enum Usage {
 impl CorrectedObservation {
     /// Variance of the pseudorange without its shared errors, m²: noise and multipath of this receiver.
     pub fn noise_variance_m2(&self) -> f64 {
-        (self.pseudorange_sigma_m.powi(2) - self.shared.satellite_sigma_m.powi(2)).max(0.0)
+        (self.pseudorange_sigma_m.powi(2) - self.shared.stated_sigma_m.powi(2)).max(0.0)
     }
 
     /// The satellite and its signal.

@@ -17,8 +17,10 @@ pub struct PreparedObservation {
     /// Satellite position at transmission, in the Earth-fixed frame of the transmission.
     pub(super) position: Ecef,
     pub(super) velocity: EcefVector,
-    /// Variance of the errors common to all signals of the satellite, m².
+    /// Variance of the errors common to all signals of the satellite that products state, m².
     pub(super) satellite_variance_m2: f64,
+    /// Their usual variance, m².
+    pub(super) usual_variance_m2: f64,
     /// Variance of the errors of this signal alone, without its noise, m².
     pub(super) signal_variance_m2: f64,
     /// Standard deviation of the code by the receiver, m; used without a C/N0 for the model.

@@ -63,6 +63,7 @@ impl Corrector {
         let range_rate =
             |doppler_hz: f64| Some(-SPEED_OF_LIGHT_MPS / frequency_hz? * doppler_hz + given.clock_drift_mps);
         let phase = |cycles: f64| Some(SPEED_OF_LIGHT_MPS / frequency_hz? * cycles + given.clock_m);
+        let satellite_m2 = given.sigma_m.powi(2) + self.beidou_variance_m2(observation);
         Some(PreparedObservation {
             observation: *observation,
             frequency_hz: frequency_hz.unwrap_or(f64::NAN),
@@ -71,7 +72,8 @@ impl Corrector {
             phase_m: observation.carrier_phase_cycles.and_then(phase),
             position: given.satellite_position,
             velocity: given.satellite_velocity,
-            satellite_variance_m2: given.sigma_m.powi(2) + self.beidou_variance_m2(observation),
+            satellite_variance_m2: satellite_m2,
+            usual_variance_m2: satellite_m2,
             signal_variance_m2: self.glonass_variance_m2(observation),
             code_sigma_m: given.code_sigma_m,
             stated: Some(*given),

@@ -25,6 +25,7 @@ mod plausible;
 mod precise;
 mod products;
 mod records;
+mod usual_error;
 
 pub use accuracy_index::{UNKNOWN_ACCURACY_M, sisa_m, ura_m};
 pub(crate) use broadcast::gravity_and_rotation;
@@ -39,6 +40,7 @@ pub use products::Products;
 pub use records::{
     BiasFile, ClockFile, ClockRecord, CodeBias, IonosphereTerms, NavigationFile, Sp3, Sp3Position,
 };
+pub use usual_error::BroadcastAccuracy;
 
 use crate::frames::{Ecef, EcefVector};
 use crate::gnss::SatelliteId;
@@ -55,7 +57,7 @@ pub struct SatelliteState {
     pub clock_s: f64,
     /// Clock drift, s/s.
     pub clock_drift_sps: f64,
-    /// Standard deviation of orbit and clock together along the line of sight, m.
+    /// Standard deviation of orbit and clock together along the line of sight, m: what a broadcast message states.
     pub sigma_m: f64,
     /// Reference of the clock; decides the group delay correction of a single signal.
     pub clock_reference: ClockReference,

@@ -9,7 +9,7 @@ use super::tables::{
     StochasticSettings, VarianceForm, Widening,
 };
 use crate::constraint::{ConstraintOptions, DistanceModel, Enlargement, HeadingGate, Method};
-use crate::filter::{CodeNoise, FilterOptions, Motion, ProcessNoise, RobustWeights, SharedErrors};
+use crate::filter::{CodeNoise, FilterOptions, LateCodes, Motion, ProcessNoise, RobustWeights, SharedErrors};
 use crate::fusion::align::AlignOptions;
 use crate::fusion::engine::EngineOptions;
 use crate::integrity::{DopLimits, RaimOptions};
@@ -107,6 +107,7 @@ impl Settings {
                 rate: self.stochastic.rate.model(),
             },
             unknown_group_delay_sigma_m: correction.unknown_group_delay_sigma_m,
+            broadcast_accuracy: correction.broadcast_accuracy,
             beidou_bias_sigma_m: correction.beidou_bias_sigma_m,
             beidou2_code_bias: correction.beidou2_code_bias,
             glonass_bias_sigma_m: correction.glonass_bias_sigma_m,
@@ -148,6 +149,7 @@ impl CorrectionSettings {
         Self {
             ionosphere: options.ionosphere,
             unknown_group_delay_sigma_m: options.unknown_group_delay_sigma_m,
+            broadcast_accuracy: options.broadcast_accuracy,
             beidou_bias_sigma_m: options.beidou_bias_sigma_m,
             beidou2_code_bias: options.beidou2_code_bias,
             glonass_bias_sigma_m: options.glonass_bias_sigma_m,
@@ -272,6 +274,8 @@ impl FilterSettings {
             rate_sigma_scale: options.rate_sigma_scale,
             robust_keep_sigmas: keep,
             robust_reject_sigmas: reject,
+            late_code_factor: options.late_codes.factor,
+            late_code_cn0_dbhz: options.late_codes.cn0_dbhz,
             doppler: options.use_rates,
             carrier_phase: options.use_changes,
             standing_still: options.use_standing,
@@ -303,6 +307,7 @@ impl FilterSettings {
             tied_lasting_weight: self.tied_lasting_weight,
             rate_sigma_scale: self.rate_sigma_scale,
             robust: RobustWeights { keep: self.robust_keep_sigmas, reject: self.robust_reject_sigmas },
+            late_codes: LateCodes { factor: self.late_code_factor, cn0_dbhz: self.late_code_cn0_dbhz },
             use_rates: self.doppler,
             use_changes: self.carrier_phase,
             use_standing: self.standing_still,

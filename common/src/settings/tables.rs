@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::table::{tables, words};
 use crate::atmosphere::TroposphereMapping;
 use crate::measurement::Ionosphere;
+use crate::orbit::BroadcastAccuracy;
 
 /// Settings with a name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -89,6 +90,7 @@ words! {
         "default" => Self::Default, "peng2023" => Self::Peng2023, "peng2023-doppler" => Self::Peng2023Doppler,
     }
     Ionosphere { "model" => Self::Model, "pair" => Self::Pair, "pair-only" => Self::PairOnly }
+    BroadcastAccuracy { "usual" => Self::Usual, "stated" => Self::Stated }
     TroposphereMapping { "niell" => Self::Niell, "cosecant" => Self::Cosecant }
     VarianceForm {
         "cn0" => Self::Cn0, "elevation" => Self::Elevation, "sum" => Self::Sum, "product" => Self::Product,
@@ -127,7 +129,10 @@ tables! {
         ionosphere: Ionosphere = ["word", ()];
         /// Standard deviation that stands for a group delay which no product knows.
         unknown_group_delay_sigma_m: f64 = ["m", 0.0..=1e3];
-        /// Standard deviation of the clocks and group delays of BeiDou satellites together.
+        /// How large filters take the errors of broadcast orbits and clocks to be: what they usually are, or what the messages state, on which
+        /// the solutions of single epochs and their tests rest.
+        broadcast_accuracy: BroadcastAccuracy = ["word", ()];
+        /// Standard deviation of the clocks and group delays of BeiDou satellites together, on precise clocks; half on broadcast ones.
         beidou_bias_sigma_m: f64 = ["m", 0.0..=1e3];
         /// Whether the variation of BeiDou-2's B1I pseudoranges with elevation is corrected (Wanninger and Beer 2015).
         beidou2_code_bias: bool = ["switch", ()];
@@ -259,6 +264,11 @@ tables! {
         robust_keep_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
         /// Innovation from which on a measurement has no weight; not below robust_keep_sigmas.
         robust_reject_sigmas: f64 = ["standard deviations", 0.1..=f64::INFINITY];
+        /// How many times as large an innovation counts where a pseudorange of a very weak signal is longer than predicted, as reflections make
+        /// it; 1 treats long and short ones alike.
+        late_code_factor: f64 = ["no unit", 0.1..=100.0];
+        /// C/N0 at which half of what exceeds 1 in that factor applies; it fades over 3 dB.
+        late_code_cn0_dbhz: f64 = ["dB-Hz", 0.0..=60.0];
         /// Whether the filter uses Doppler.
         doppler: bool = ["switch", ()];
         /// Whether changes of range by carrier phase are used.

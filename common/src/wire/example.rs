@@ -18,7 +18,7 @@ pub(super) fn observation(number: u8) -> CorrectedObservation {
         signal: SignalCode::new(b'1', b'C'),
         pseudorange_m: 22.1e6 + f64::from(number),
         pseudorange_sigma_m: 3.5,
-        shared: SharedError { satellite_sigma_m: 1.25, ionosphere_m: 2.75 },
+        shared: SharedError { stated_sigma_m: 1.25, satellite_sigma_m: 0.75, ionosphere_m: 2.75 },
         range_rate: Some(RangeRate { range_rate_mps: -431.25, sigma_mps: 0.3, averaged_s: 0.0 }),
         range_change: Some(RangeChange {
             change_m: -431.5,

@@ -280,7 +280,9 @@ fn check_observation(o: &CorrectedObservation) -> Result<(), Implausible> {
     within("satellite number", f64::from(o.satellite.number), 1.0..=99.0)?;
     within("corrected pseudorange (m)", o.pseudorange_m, PSEUDORANGE_BOUNDS_M)?;
     within("pseudorange sigma (m)", o.pseudorange_sigma_m, SIGMA)?;
-    within("satellite sigma (m)", o.shared.satellite_sigma_m, 0.0..=*SIGMA.end())?;
+    for sigma_m in [o.shared.stated_sigma_m, o.shared.satellite_sigma_m] {
+        within("satellite sigma (m)", sigma_m, 0.0..=*SIGMA.end())?;
+    }
     within("ionosphere (m)", o.shared.ionosphere_m, IONOSPHERE_M)?;
     if let Some(rate) = o.range_rate {
         within("corrected range rate (m/s)", rate.range_rate_mps, RANGE_RATE_MPS)?;

@@ -41,6 +41,9 @@
 //! kind = "height"                     # above the WGS 84 ellipsoid, of each of the named phones
 //! minimum_m = 25.0                    # default none
 //! maximum_m = 30.0                    # default none; at least one of both must be there
+//! [[constraint]]
+//! kind = "same-vehicle"               # every pair of the named phones: they move as one body, which may turn
+//! maximum_mps = 0.8                   # difference of their velocities
 //! [evaluation]
 //! truth_quality = [1]                 # rows of the truth that count; this is the default
 //! [filter]

@@ -2,14 +2,13 @@
 //!
 //! The meaning of the bounds for the vector between the phones is an option: see [`DistanceModel`].
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::super::SkipReason;
-use super::super::options::DistanceModel;
-use super::super::rows::{BoundedRow, Rows, Terms};
+use super::super::rows::{Rows, Terms};
 use super::super::truncation::Interval;
-use super::{BoundedLength, ConstraintKind, NO_DIRECTION, Quantity, Unit, not_negative, positive};
+use super::{BoundedLength, ConstraintKind, Quantity, Unit, not_negative, positive};
 use crate::frames::LocalFrame;
 
 /// minimum ≤ |r_i − r_j| ≤ maximum.
@@ -78,12 +77,7 @@ impl ConstraintKind for Distance {
     }
 
     fn rows(&self, at: &Quantity<'_>) -> Result<Rows, SkipReason> {
-        let model = at.options.distance_model;
-        let is_upper_only = self.minimum_m <= 0.0 && model == DistanceModel::Radial;
-        if is_upper_only && at.mean.norm() <= NO_DIRECTION {
-            return Ok([None; 3]);
-        }
-        Ok(self.linearised(&direction(at), &at.covariance, model))
+        Ok(self.bounds().shell(at))
     }
 
     fn length(&self) -> Option<&dyn BoundedLength> {
@@ -105,76 +99,6 @@ impl BoundedLength for Distance {
     }
 
     fn rows_along(&self, at: &Quantity<'_>, direction: &Vector3<f64>) -> Rows {
-        self.linearised(direction, &at.covariance, at.options.distance_model)
+        self.bounds().shell_along(at, direction)
     }
-}
-
-impl Distance {
-    /// Rows when the distance is linearised along `direction`, a unit vector (Jacobian [uᵀ, −uᵀ]); `covariance` is that of the
-    /// difference.
-    pub(in crate::constraint) fn linearised(
-        &self,
-        direction: &Vector3<f64>,
-        covariance: &Matrix3<f64>,
-        model: DistanceModel,
-    ) -> Rows {
-        let bounded = |axis: &Vector3<f64>, lower: f64| {
-            Some(BoundedRow::new(*axis, Interval { lower, upper: self.maximum_m }))
-        };
-        if model == DistanceModel::Radial {
-            return [bounded(direction, self.minimum_m), None, None];
-        }
-        let along_m = self.minimum_along_m(direction, covariance);
-        let lower_m = if along_m > 0.0 { along_m } else { -self.maximum_m };
-        if self.maximum_m.is_infinite() {
-            return [bounded(direction, lower_m), None, None];
-        }
-        let (across, other) = axes_across(direction);
-        let rows = [
-            bounded(direction, lower_m),
-            bounded(&across, -self.maximum_m),
-            bounded(&other, -self.maximum_m),
-        ];
-        if model == DistanceModel::Ball && self.minimum_m <= 0.0 {
-            rows.map(|row| row.map(BoundedRow::of_ball))
-        } else {
-            rows
-        }
-    }
-
-    /// Lower bound of the component along a direction, reduced by the contribution of the uncertainty across:
-    /// d² = along² + across².
-    fn minimum_along_m(&self, direction: &Vector3<f64>, covariance: &Matrix3<f64>) -> f64 {
-        if self.minimum_m <= 0.0 {
-            return 0.0;
-        }
-        let across_m2 = (covariance.trace() - direction.dot(&(covariance * direction))).max(0.0);
-        (self.minimum_m * self.minimum_m - across_m2).max(0.0).sqrt()
-    }
-}
-
-/// Direction of the linearisation: that of the difference, or, for a zero difference, the direction of the largest uncertainty.
-fn direction(at: &Quantity<'_>) -> Vector3<f64> {
-    let length = at.mean.norm();
-    if length > NO_DIRECTION { at.mean / length } else { least_known_direction(at) }
-}
-
-fn least_known_direction(at: &Quantity<'_>) -> Vector3<f64> {
-    if !at.covariance.iter().all(|element| element.is_finite()) {
-        return Vector3::x();
-    }
-    let eigen = SymmetricEigen::new(at.covariance);
-    let axis = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
-    // The sign is arbitrary; the local axes fix it, so that equal input gives equal results everywhere.
-    let local = at.frame.rotation_ecef_to_enu() * axis;
-    if local[local.iamax()] < 0.0 { -axis } else { axis }
-}
-
-/// Two unit vectors that complete a direction to an orthogonal triad, the first perpendicular to the Earth's axis.
-fn axes_across(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
-    let pole = Vector3::z();
-    let horizontal = direction.cross(&pole);
-    let across = if horizontal.norm() > 1e-6 { horizontal.normalize() } else { Vector3::x() };
-    let other = direction.cross(&across).normalize();
-    (across, other)
 }

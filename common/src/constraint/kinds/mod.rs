@@ -7,6 +7,8 @@ mod distance;
 mod fields;
 mod heading;
 mod height;
+mod same_vehicle;
+mod shell;
 mod speed;
 mod vertical_velocity;
 
@@ -16,6 +18,7 @@ use serde::{Deserialize, Serialize};
 pub use distance::Distance;
 pub use heading::Heading;
 pub use height::Height;
+pub use same_vehicle::SameVehicle;
 pub use speed::Speed;
 pub use vertical_velocity::VerticalVelocity;
 
@@ -221,6 +224,8 @@ kinds! {
     "speed" Speed;
     /// The ellipsoidal height of a phone.
     "height" Height;
+    /// The difference of two phones' velocities.
+    "same-vehicle" SameVehicle;
 }
 
 impl Constraint {
@@ -251,7 +256,7 @@ impl Constraint {
         phones.iter().enumerate().flat_map(|(n, &i)| after(n).map(move |&j| of(&[i, j]))).collect()
     }
 
-    /// The constrained quantity in a joint state: distance (m), vertical velocity (m/s, positive up), speed (m/s), height (m) or angle off the course
+    /// The constrained quantity in a joint state: distance (m), vertical velocity (m/s, positive up), speed (m/s), height (m), difference of velocities (m/s) or angle off the course
     /// (rad, in (−π, π], positive to the right).
     ///
     /// Velocities are means over the next `horizon_s`, v + ½a·horizon; 0 uses the velocity itself. `None` if the state does not contain the

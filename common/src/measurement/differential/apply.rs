@@ -219,7 +219,9 @@ impl Differential {
         observation.pseudorange_m -= correction.correction_m + change_m;
         observation.pseudorange_sigma_m = (own_m2 + of_correction_m2).sqrt();
         // What the models left is removed; phones that use the same base share the error of the correction.
-        observation.shared = SharedError { satellite_sigma_m: of_correction_m2.sqrt(), ionosphere_m: 0.0 };
+        let sigma_m = of_correction_m2.sqrt();
+        observation.shared =
+            SharedError { stated_sigma_m: sigma_m, satellite_sigma_m: sigma_m, ionosphere_m: 0.0 };
     }
 
     /// Variance of the rover's biases between GLONASS' frequency channels, m²; a base of another make does not share them.

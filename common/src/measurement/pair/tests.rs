@@ -29,6 +29,7 @@ fn signal(satellite: &str, [band, attribute]: [u8; 2], delay_l1_m: f64) -> Prepa
         position: Ecef::new(2e7, 1e7, 1e7),
         velocity: EcefVector::new(1.0, 2.0, 3.0),
         satellite_variance_m2: 0.5,
+        usual_variance_m2: 0.5,
         signal_variance_m2: 0.0,
         code_sigma_m: None,
         stated: None,
