@@ -100,6 +100,9 @@ fn a_hub_of_another_version_is_named() {
         let products = ProductSource::Loaded(Arc::new(orbits.products()));
         let config = AgentConfig { products, ..hub.agent(Source::File { path: path.clone(), near: None }) };
         let error = run(&config, &Stop::default()).unwrap_err().to_string();
-        assert!(error.contains(due) && error.contains(&format!("this agent speaks wire version {WIRE_VERSION}")), "{error}");
+        assert!(
+            error.contains(due) && error.contains(&format!("this agent speaks wire version {WIRE_VERSION}")),
+            "{error}"
+        );
     }
 }
