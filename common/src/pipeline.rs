@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::filter::{Admitted, FilterOptions, JointFilter, PhoneEpoch, Unsound};
 use crate::frames::Ecef;
 use crate::gnss::{EpochFlag, ObservationEpoch};
-use crate::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim};
+use crate::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim, velocity_report};
 use crate::measurement::{
     Carriers, CorrectedObservation, CorrectionOptions, Corrector, Differential, DifferentialCounts,
     DifferentialOptions, Finished, PreparedObservation, RecordedEpoch, StochasticModel, without_position,
@@ -15,7 +15,7 @@ use crate::measurement::{
 use crate::orbit::Products;
 use crate::phase::{CarrierEpoch, PhaseTracker};
 use crate::skips::{Reason, Skips};
-use crate::solve::{PointSolution, SolveError, solve_velocity};
+use crate::solve::{PointSolution, SolveError, fit_velocity};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
@@ -160,10 +160,13 @@ impl PhonePipeline {
     }
 
     fn process_prepared(&mut self, tag_gps: GpsTime, prepared: &[PreparedObservation]) -> EpochMessage {
-        let (Seen { mut observations, carriers }, Monitored { fit, report }) = self.solve(tag_gps, prepared);
+        let (Seen { mut observations, carriers }, Monitored { fit, mut report }) =
+            self.solve(tag_gps, prepared);
         let wls = match &fit {
             Ok(fit) => {
-                let solution = fit.to_solution(solve_velocity(&observations, fit.position()));
+                let rates = fit_velocity(&observations, fit.position());
+                report.velocity = rates.as_ref().map(|rates| velocity_report(rates, &self.options.raim));
+                let solution = fit.to_solution(rates.map(|rates| rates.solution));
                 if solution.is_none() {
                     self.skips.add(Reason::EpochWithSingularGeometry, || tag_gps.to_string());
                 }
@@ -288,7 +291,7 @@ impl PhonePipeline {
             seen_from = monitored.fit.map_or(seen_from, |fit| fit.position());
         }
         let step = SolveError::Diverged { step_m: RECORRECT_M };
-        let report = RaimReport { verdict: Verdict::CannotBeChecked, global_test: None, excluded: 0 };
+        let report = RaimReport::of(Verdict::CannotBeChecked);
         (Seen::default(), Monitored { fit: Err(step), report })
     }
 

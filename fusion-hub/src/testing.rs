@@ -16,7 +16,7 @@ pub(crate) fn judged(phone: &str, time_gps: GpsTime, verdict: Verdict) -> EpochM
         changes_since_gps: None,
         wls: None,
         local: None,
-        raim: RaimReport { verdict, global_test: None, excluded: 0 },
+        raim: RaimReport::of(verdict),
     }
 }
 

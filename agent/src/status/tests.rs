@@ -16,7 +16,7 @@ fn message(seconds: f64, verdict: Verdict) -> EpochMessage {
         changes_since_gps: None,
         wls: None,
         local: None,
-        raim: RaimReport { verdict, global_test: None, excluded: 0 },
+        raim: RaimReport::of(verdict),
     }
 }
 

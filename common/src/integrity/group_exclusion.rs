@@ -3,7 +3,9 @@
 //! A receiver can decode a whole constellation wrongly, so that its pseudoranges are off by kilometres while all others agree to metres.
 //! The exclusion of single measurements then fails, because the least squares spread the errors over all residuals.
 
-use super::exclusion::{Monitored, RaimOptions, geometry_verdict, global_test, mark};
+use super::checks::{geometry_verdict, global_test, mark, usages};
+use super::monitor::Monitored;
+use super::options::RaimOptions;
 use super::{RaimReport, Verdict};
 use crate::frames::Ecef;
 use crate::gnss::{ClockGroup, Constellation};
@@ -91,16 +93,16 @@ fn without(
     start: Ecef,
     options: &RaimOptions,
 ) -> Option<Monitored> {
-    let offered: Vec<Usage> = observations.iter().map(|o| o.usage).collect();
+    let offered = usages(observations);
     let excluded = exclude(observations, group);
     let fit = solve_position(observations, start);
     mark(observations, &offered);
     let fit = fit.ok()?;
     let test = global_test(&fit, options)?;
-    let passes = test.statistic <= test.threshold && test.degrees_of_freedom >= LEAST_REDUNDANCY;
+    let passes = test.passes() && test.degrees_of_freedom >= LEAST_REDUNDANCY;
     let verdict = geometry_verdict(fit.dops(), options.dop_limits);
     (passes && verdict == Verdict::Reliable).then(|| {
-        let report = RaimReport { verdict, global_test: Some(test), excluded };
+        let report = RaimReport { global_test: Some(test), excluded, ..RaimReport::of(verdict) };
         Monitored { fit: Ok(fit), report }
     })
 }

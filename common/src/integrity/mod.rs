@@ -22,10 +22,17 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod exclusion;
+mod checks;
+mod forward_backward;
 mod group_exclusion;
+mod monitor;
+mod options;
+mod protection;
+mod subset;
 
-pub use exclusion::{DopLimits, Monitored, RaimOptions, solve_with_raim};
+pub use monitor::{Monitored, solve_with_raim, velocity_report};
+pub use options::{AlarmLimits, DopLimits, Method, ProtectionOptions, RaimOptions};
+pub use protection::{ProtectionLevels, SlopeLevels};
 
 use std::fmt;
 
@@ -53,8 +60,14 @@ pub enum Cause {
     Constraint,
     /// A protection level is beyond its alarm limit.
     AlarmLimit,
-    /// The global test still fails after all permitted exclusions.
+    /// The global test fails, and so it does after all permitted exclusions.
     TestsFailed,
+    /// The measurement with the largest residual cannot be told from another one.
+    Inseparable,
+    /// Several subsets of the measurements pass, and which one is right is open.
+    Tie,
+    /// The search for a subset that passes became too long.
+    SearchLimit,
 }
 
 impl fmt::Display for Verdict {
@@ -66,6 +79,9 @@ impl fmt::Display for Verdict {
             Self::Unreliable(Cause::Constraint) => "unreliable: contradicts a constraint",
             Self::Unreliable(Cause::AlarmLimit) => "unreliable: alarm limit",
             Self::Unreliable(Cause::TestsFailed) => "unreliable: tests failed",
+            Self::Unreliable(Cause::Inseparable) => "unreliable: faults cannot be told apart",
+            Self::Unreliable(Cause::Tie) => "unreliable: several subsets pass",
+            Self::Unreliable(Cause::SearchLimit) => "unreliable: too many subsets to search",
             Self::CannotBeChecked => "cannot be checked",
         })
     }
@@ -80,6 +96,30 @@ pub struct RaimReport {
     pub global_test: Option<GlobalTest>,
     /// Number of excluded signals.
     pub excluded: u16,
+    /// Protection levels by solution separation; `None` where they cannot be computed.
+    pub protection: Option<ProtectionLevels>,
+    /// Levels by the largest slope; `None` where they cannot be computed.
+    pub slope: Option<SlopeLevels>,
+    /// Tests of the velocity; `None` without one.
+    pub velocity: Option<VelocityReport>,
+}
+
+/// Verdict on the velocity of an epoch, by its range rates.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct VelocityReport {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Global test of the range rates in use, if there was redundancy.
+    pub global_test: Option<GlobalTest>,
+    /// Number of excluded range rates.
+    pub excluded: u16,
+}
+
+impl RaimReport {
+    /// A report without test values.
+    pub const fn of(verdict: Verdict) -> Self {
+        Self { verdict, global_test: None, excluded: 0, protection: None, slope: None, velocity: None }
+    }
 }
 
 /// Maximum posterior scale of a solution that says anything about the position. Of 385 unreliable epochs of a phone in a city's streets one
@@ -110,6 +150,11 @@ pub struct GlobalTest {
 }
 
 impl GlobalTest {
+    /// Whether the statistic does not exceed its threshold.
+    pub fn passes(&self) -> bool {
+        self.statistic <= self.threshold
+    }
+
     /// Posterior scale √(D/(m − n)): the ratio of the residuals to what the stochastic model expects.
     pub fn posterior_scale(&self) -> f64 {
         (self.statistic / f64::from(self.degrees_of_freedom)).sqrt()
@@ -117,23 +162,6 @@ impl GlobalTest {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn absurd_residuals_start_no_filter() {
-        let report = |verdict, scale: f64| {
-            let degrees_of_freedom = 9;
-            let statistic = scale * scale * f64::from(degrees_of_freedom);
-            let test = GlobalTest { statistic, threshold: 27.9, degrees_of_freedom };
-            assert!((test.posterior_scale() - scale).abs() < 1e-12);
-            RaimReport { verdict, global_test: Some(test), excluded: 0 }
-        };
-        let failed = Verdict::Unreliable(Cause::TestsFailed);
-        assert!(report(Verdict::Reliable, 1.0).may_start_filter());
-        assert!(report(failed, 9.9).may_start_filter());
-        assert!(!report(failed, 10.1).may_start_filter());
-        let untested = RaimReport { global_test: None, ..report(Verdict::CannotBeChecked, 1.0) };
-        assert!(untested.may_start_filter());
-    }
-}
+mod rates;
+#[cfg(test)]
+mod tests;

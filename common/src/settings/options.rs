@@ -12,12 +12,12 @@ use crate::constraint::{ConstraintOptions, DistanceModel, Enlargement, HeadingGa
 use crate::filter::{CodeNoise, FilterOptions, LateCodes, Motion, ProcessNoise, RobustWeights, SharedErrors};
 use crate::fusion::align::AlignOptions;
 use crate::fusion::engine::EngineOptions;
-use crate::integrity::{DopLimits, RaimOptions};
+use crate::integrity::{AlarmLimits, DopLimits, ProtectionOptions, RaimOptions};
 use crate::measurement::{
     CorrectionOptions, DifferentialOptions, StochasticModel, Uncorrected, VarianceModel,
 };
 use crate::pipeline::PipelineOptions;
-use crate::statistics::ChiSquareThresholds;
+use crate::statistics::{ChiSquareThresholds, DetectableNoncentrality};
 
 /// Standard deviation of uncorrected signals in the settings if they are dropped, m.
 const UNCORRECTED_SIGMA_M: f64 = 5.0;
@@ -229,10 +229,22 @@ impl IntegritySettings {
     fn of(options: &RaimOptions, biased_satellite_sigmas: f64) -> Self {
         let DopLimits { pdop, hdop, vdop } = options.dop_limits;
         Self {
-            global_false_alarm: options.global.false_alarm_probability(),
+            method: options.method,
+            p_fa: options.global.false_alarm_probability(),
             local_false_alarm: options.local_false_alarm,
             separability: options.separability,
             maximum_exclusions: u32::try_from(options.maximum_exclusions).unwrap_or(u32::MAX),
+            maximum_subsets: u32::try_from(options.maximum_subsets).unwrap_or(u32::MAX),
+            exclude_groups: options.exclude_groups,
+            alarm_limit_horizontal_m: options.alarm_limits.horizontal_m,
+            alarm_limit_vertical_m: options.alarm_limits.vertical_m,
+            misleading_probability: options.protection.misleading,
+            satellite_fault_probability: options.protection.satellite_fault,
+            constellation_fault_probability: options.protection.constellation_fault,
+            separation_false_alarm: options.protection.false_alarm,
+            missed_detection: options.protection.detectable.missed_detection(),
+            nominal_bias_m: options.protection.nominal_bias_m,
+            ionosphere_share: options.protection.ionosphere_share,
             biased_satellite_sigmas,
             maximum_pdop: pdop,
             maximum_hdop: hdop,
@@ -242,10 +254,26 @@ impl IntegritySettings {
 
     fn options(&self) -> RaimOptions {
         RaimOptions {
-            global: ChiSquareThresholds::new(self.global_false_alarm),
+            method: self.method,
+            global: ChiSquareThresholds::new(self.p_fa),
             local_false_alarm: self.local_false_alarm,
             separability: self.separability,
             maximum_exclusions: self.maximum_exclusions as usize,
+            maximum_subsets: self.maximum_subsets as usize,
+            exclude_groups: self.exclude_groups,
+            alarm_limits: AlarmLimits {
+                horizontal_m: self.alarm_limit_horizontal_m,
+                vertical_m: self.alarm_limit_vertical_m,
+            },
+            protection: ProtectionOptions {
+                misleading: self.misleading_probability,
+                satellite_fault: self.satellite_fault_probability,
+                constellation_fault: self.constellation_fault_probability,
+                false_alarm: self.separation_false_alarm,
+                nominal_bias_m: self.nominal_bias_m,
+                ionosphere_share: self.ionosphere_share,
+                detectable: DetectableNoncentrality::new(self.p_fa, self.missed_detection),
+            },
             dop_limits: DopLimits {
                 pdop: self.maximum_pdop,
                 hdop: self.maximum_hdop,

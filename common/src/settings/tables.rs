@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::table::{tables, words};
 use crate::atmosphere::TroposphereMapping;
+use crate::integrity::Method as ExclusionMethod;
 use crate::measurement::Ionosphere;
 use crate::orbit::BroadcastAccuracy;
 
@@ -90,6 +91,9 @@ words! {
         "default" => Self::Default, "peng2023" => Self::Peng2023, "peng2023-doppler" => Self::Peng2023Doppler,
     }
     Ionosphere { "model" => Self::Model, "pair" => Self::Pair, "pair-only" => Self::PairOnly }
+    ExclusionMethod {
+        "forward-backward" => Self::ForwardBackward, "subset" => Self::Subset, "none" => Self::None,
+    }
     BroadcastAccuracy { "usual" => Self::Usual, "stated" => Self::Stated }
     TroposphereMapping { "niell" => Self::Niell, "cosecant" => Self::Cosecant }
     VarianceForm {
@@ -215,14 +219,39 @@ tables! {
 
     /// The integrity tests (RAIM) of a phone's epochs.
     IntegritySettings by IntegrityKeys {
+        /// How faulty measurements are excluded: one after another by their residuals, and back where that was needless; the largest subset that
+        /// passes, if there is one only; or not at all.
+        method: ExclusionMethod = ["word", ()];
         /// Probability with which the global test fails although nothing is wrong.
-        global_false_alarm: f64 = ["probability", 1e-12..=0.5];
+        p_fa: f64 = ["probability", 1e-12..=0.5];
         /// Probability with which the local test of one measurement fails although nothing is wrong.
         local_false_alarm: f64 = ["probability", 1e-12..=0.5];
         /// Correlation of two residuals from which on neither is excluded, because it cannot be told which of the two is wrong.
         separability: f64 = ["no unit", 0.0..=1.0];
         /// Largest number of measurements that are excluded from one epoch.
         maximum_exclusions: u32 = ["measurements", 0..=1000];
+        /// With the method subset: largest number of subsets that are tried in one epoch.
+        maximum_subsets: u32 = ["subsets", 1..=100_000];
+        /// Whether a constellation or clock group with absurd residuals is excluded as a whole where single exclusions fail.
+        exclude_groups: bool = ["switch", ()];
+        /// Horizontal protection level up to which a position is called reliable; inf: any.
+        alarm_limit_horizontal_m: f64 = ["m", 0.1..=f64::INFINITY];
+        /// Vertical protection level up to which a position is called reliable; inf: any.
+        alarm_limit_vertical_m: f64 = ["m", 0.1..=f64::INFINITY];
+        /// Probability, at an epoch, that a position errs by more than its protection levels: half of it vertically, half horizontally.
+        misleading_probability: f64 = ["probability", 1e-12..=0.5];
+        /// Prior probability that the signals of one satellite are faulty at an epoch.
+        satellite_fault_probability: f64 = ["probability", 1e-12..=0.5];
+        /// Prior probability that a whole constellation is faulty at an epoch.
+        constellation_fault_probability: f64 = ["probability", 1e-12..=0.5];
+        /// Probability of false alarm of the solution separation tests of the protection levels.
+        separation_false_alarm: f64 = ["probability", 1e-12..=0.5];
+        /// Probability of missed detection of the protection levels by the largest slope.
+        missed_detection: f64 = ["probability", 1e-12..=0.5];
+        /// Largest error of a pseudorange that is neither random nor a fault.
+        nominal_bias_m: f64 = ["m", 0.0..=100.0];
+        /// For the protection levels: error of the modelled ionospheric delay, as a share of it.
+        ionosphere_share: f64 = ["no unit", 0.0..=10.0];
         /// The hub leaves out a satellite whose residuals, averaged over all phones and a minute, exceed this; inf leaves none out.
         biased_satellite_sigmas: f64 = ["standard deviations", 1.0..=f64::INFINITY];
         /// PDOP up to which a position is called reliable.

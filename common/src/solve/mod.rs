@@ -27,7 +27,7 @@ pub(crate) mod position;
 pub(crate) mod velocity;
 
 pub use position::{Fit, SolveError, solve_position};
-pub use velocity::solve_velocity;
+pub use velocity::{RateFit, fit_velocity, solve_velocity};
 
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};

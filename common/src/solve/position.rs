@@ -162,6 +162,22 @@ impl Fit {
         noise - position_part - clock_part
     }
 
+    /// Displacement of the position by an error of 1 m of the `i`-th measurement, ECEF.
+    pub fn effect_of(&self, i: usize) -> EcefVector {
+        let row = &self.rows[i].row;
+        EcefVector(self.factor.solve(&self.eliminated.centred(row)) * row.weight)
+    }
+
+    /// The measurements about the solution, with the index of each in the solved observations: y is the residual.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = (usize, Row)> + '_ {
+        self.rows.iter().map(|r| (r.observation, Row { y: r.residual_m, ..r.row }))
+    }
+
+    /// Number of receiver clocks.
+    pub(crate) fn groups(&self) -> usize {
+        self.groups.len()
+    }
+
     /// Weight 1/σ² of the `i`-th measurement, 1/m².
     pub fn weight(&self, i: usize) -> f64 {
         self.rows[i].row.weight

@@ -8,32 +8,55 @@ use crate::measurement::{CorrectedObservation, Usage};
 
 /// Outlier limit in σ; range rates with larger residuals are excluded one at a time.
 const OUTLIER_SIGMAS: f64 = 4.0;
+/// Velocity and clock drift.
+const UNKNOWNS: usize = 4;
+
+/// A fit of range rates with the data for its tests.
+#[derive(Clone, Debug)]
+pub struct RateFit {
+    /// The velocity.
+    pub solution: VelocitySolution,
+    /// D = rᵀWr of the range rates in use.
+    pub weighted_square_sum: f64,
+    /// Number of range rates in use less four.
+    pub degrees_of_freedom: usize,
+    /// Number of excluded range rates.
+    pub excluded: usize,
+}
+
+/// Velocity by weighted least squares; see [`fit_velocity`].
+pub fn solve_velocity(observations: &[CorrectedObservation], position: Ecef) -> Option<VelocitySolution> {
+    fit_velocity(observations, position).map(|fit| fit.solution)
+}
 
 /// Velocity by weighted least squares from the range rates of the observations in use, with one common clock drift, because all signals
 /// share the phone's oscillator. Residuals beyond four σ are excluded, the largest first, while redundancy remains.
 /// `None` if fewer than four range rates or a singular geometry remain.
-pub fn solve_velocity(observations: &[CorrectedObservation], position: Ecef) -> Option<VelocitySolution> {
+pub fn fit_velocity(observations: &[CorrectedObservation], position: Ecef) -> Option<RateFit> {
     let mut rows: Vec<Row> = observations
         .iter()
         .filter(|o| o.usage == Usage::Used)
         .filter_map(|o| rate_row(o, position))
         .collect();
+    let offered = rows.len();
     loop {
-        if rows.len() < 4 {
+        if rows.len() < UNKNOWNS {
             return None;
         }
         let eliminated = Eliminated::new(&rows, 1);
         let factor = eliminated.factor()?;
         let velocity = factor.solve(&eliminated.rhs);
         let drift = eliminated.clock(0, &velocity);
-        let worst = rows
-            .iter()
-            .map(|row| (row.y - row.h.dot(&velocity) - drift).powi(2) * row.weight)
-            .enumerate()
-            .max_by(|a, b| a.1.total_cmp(&b.1))?;
-        if rows.len() == 4 || worst.1 < OUTLIER_SIGMAS * OUTLIER_SIGMAS {
+        let square = |row: &Row| (row.y - row.h.dot(&velocity) - drift).powi(2) * row.weight;
+        let worst = rows.iter().map(square).enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        if rows.len() == UNKNOWNS || worst.1 < OUTLIER_SIGMAS * OUTLIER_SIGMAS {
             let solution = VelocitySolution { velocity: EcefVector(velocity), covariance: factor.inverse() };
-            return solution.velocity.is_finite().then_some(solution);
+            return solution.velocity.is_finite().then(|| RateFit {
+                solution,
+                weighted_square_sum: rows.iter().map(square).sum(),
+                degrees_of_freedom: rows.len() - UNKNOWNS,
+                excluded: offered - rows.len(),
+            });
         }
         rows.swap_remove(worst.0);
     }

@@ -40,8 +40,8 @@ pub fn two_sided_threshold(probability: f64) -> f64 {
         return f64::NAN;
     }
     let target = probability.ln();
-    // ln P = ln erfcx(x/√2) − x²/2 is concave and falling: Newton from the left end never steps back.
-    let mut x = 0.0;
+    // ln P = ln erfcx(x/√2) − x²/2 is concave and falling, and below −x²/2: from there Newton comes from the right and never steps over the root.
+    let mut x = (-2.0 * target).sqrt();
     for _ in 0..100 {
         let scaled = erfcx(x * FRAC_1_SQRT_2);
         let excess = scaled.ln() - 0.5 * x * x - target;

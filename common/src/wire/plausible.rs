@@ -12,6 +12,7 @@ use nalgebra::{Cholesky, SMatrix};
 use crate::filter::PhoneState;
 use crate::frames::Ecef;
 use crate::gnss::{CN0_BOUNDS_DBHZ, PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode};
+use crate::integrity::GlobalTest;
 use crate::measurement::CorrectedObservation;
 use crate::skips::{Reason, Skips};
 use crate::solve::{PointSolution, VelocitySolution};
@@ -143,6 +144,18 @@ pub enum Part {
     Local,
     /// [`EpochMessage::raim`]'s global test.
     GlobalTest,
+    /// [`EpochMessage::raim`]'s protection levels.
+    Protection,
+    /// [`EpochMessage::raim`]'s levels by the largest slope.
+    Slope,
+    /// [`EpochMessage::raim`]'s report on the velocity.
+    Velocity,
+}
+
+impl Part {
+    /// All parts.
+    const ALL: [Self; 6] =
+        [Self::Wls, Self::Local, Self::GlobalTest, Self::Protection, Self::Slope, Self::Velocity];
 }
 
 impl fmt::Display for Part {
@@ -151,6 +164,9 @@ impl fmt::Display for Part {
             Self::Wls => "epoch-wise solution",
             Self::Local => "local state",
             Self::GlobalTest => "global test",
+            Self::Protection => "protection levels",
+            Self::Slope => "levels by slope",
+            Self::Velocity => "report on the velocity",
         })
     }
 }
@@ -166,7 +182,7 @@ impl EpochMessage {
         for observation in &self.observations {
             self.check_one(observation, &mut seen)?;
         }
-        for part in [Part::Wls, Part::Local, Part::GlobalTest] {
+        for part in Part::ALL {
             self.check_part(part)?;
         }
         Ok(())
@@ -190,7 +206,7 @@ impl EpochMessage {
             }
         }
         self.observations = kept;
-        for part in [Part::Wls, Part::Local, Part::GlobalTest] {
+        for part in Part::ALL {
             if let Err(error) = self.check_part(part) {
                 skips.add(Reason::PartOfMessage, || error.to_string());
                 self.drop_part(part);
@@ -245,10 +261,19 @@ impl EpochMessage {
         let checked = match part {
             Part::Wls => self.wls.as_ref().map(check_solution),
             Part::Local => self.local.as_ref().map(check_state),
-            Part::GlobalTest => self.raim.global_test.map(|test| {
-                within("test statistic", test.statistic, POSITIVE)?;
-                within("test threshold", test.threshold, POSITIVE)
+            Part::GlobalTest => self.raim.global_test.as_ref().map(check_test),
+            Part::Protection => self.raim.protection.map(|levels| {
+                within("horizontal protection level (m)", levels.horizontal_m, POSITIVE)?;
+                within("vertical protection level (m)", levels.vertical_m, POSITIVE)
             }),
+            Part::Slope => self.raim.slope.map(|levels| {
+                within("horizontal level by slope (m)", levels.horizontal_m, POSITIVE)?;
+                within("vertical level by slope (m)", levels.vertical_m, POSITIVE)?;
+                within("ARP (m)", levels.arp_m, POSITIVE)
+            }),
+            Part::Velocity => {
+                self.raim.velocity.and_then(|report| report.global_test.as_ref().map(check_test))
+            }
         };
         checked.unwrap_or(Ok(())).map_err(|implausible| InvalidMessage::Part {
             part,
@@ -262,6 +287,9 @@ impl EpochMessage {
             Part::Wls => self.wls = None,
             Part::Local => self.local = None,
             Part::GlobalTest => self.raim.global_test = None,
+            Part::Protection => self.raim.protection = None,
+            Part::Slope => self.raim.slope = None,
+            Part::Velocity => self.raim.velocity = None,
         }
     }
 }
@@ -274,6 +302,11 @@ impl PaceMessage {
     pub fn validate(self) -> Result<Self, Implausible> {
         within("time until the first epoch is due (s)", self.due_in_s, DUE_IN_S).map(|()| self)
     }
+}
+
+fn check_test(test: &GlobalTest) -> Result<(), Implausible> {
+    within("test statistic", test.statistic, POSITIVE)?;
+    within("test threshold", test.threshold, POSITIVE)
 }
 
 fn check_observation(o: &CorrectedObservation) -> Result<(), Implausible> {

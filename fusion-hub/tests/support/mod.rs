@@ -248,5 +248,5 @@ fn raim(index: usize) -> RaimReport {
     let statistic = if index % 71 == 5 { 61.2 } else { 17.4 };
     let verdict = if index % 71 == 5 { Verdict::Unreliable(Cause::TestsFailed) } else { Verdict::Reliable };
     let global_test = Some(GlobalTest { statistic, threshold: 38.6, degrees_of_freedom: 19 });
-    RaimReport { verdict, global_test, excluded: u16::from(index % 71 == 5) * 3 }
+    RaimReport { global_test, excluded: u16::from(index % 71 == 5) * 3, ..RaimReport::of(verdict) }
 }

@@ -17,7 +17,7 @@ pub(super) fn message(phone: usize, sequence: u64, seconds: f64) -> EpochMessage
         changes_since_gps: None,
         wls: None,
         local: None,
-        raim: RaimReport { verdict: Verdict::CannotBeChecked, global_test: None, excluded: 0 },
+        raim: RaimReport::of(Verdict::CannotBeChecked),
     }
 }
 

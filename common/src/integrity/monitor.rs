@@ -1,53 +1,15 @@
-//! Fault detection and exclusion, one measurement at a time (Cappello 2023; Baarda's local test), or one group of measurements.
-//!
-//! This is the forward half of the paper's Forward-Backward scheme: excluded measurements are not put back, and there is no search over
-//! subsets.
+//! One epoch: solution, exclusion, verdict, protection levels.
 
+use super::checks::{count_excluded, geometry_verdict, global_test, mark, usages};
 use super::group_exclusion::exclude_group;
-use super::{Cause, GlobalTest, RaimReport, Verdict};
+use super::options::{AlarmLimits, Method, RaimOptions};
+use super::protection::{separation_levels, slope_levels};
+use super::{
+    Cause, GlobalTest, ProtectionLevels, RaimReport, VelocityReport, Verdict, forward_backward, subset,
+};
 use crate::frames::Ecef;
-use crate::measurement::{CorrectedObservation, Usage};
-use crate::solve::{Dops, Fit, SolveError, solve_position};
-use crate::statistics::ChiSquareThresholds;
-use crate::statistics::normal::two_sided_threshold;
-
-/// Limits of the tests.
-#[derive(Clone, Debug)]
-pub struct RaimOptions {
-    /// Quantiles of the global test for its probability of false alarm.
-    pub global: ChiSquareThresholds,
-    /// Probability of false alarm of the local test.
-    pub local_false_alarm: f64,
-    /// Minimum correlation of two residuals that counts as inseparable.
-    pub separability: f64,
-    /// Maximum number of excluded measurements.
-    pub maximum_exclusions: usize,
-    /// Limits of PDOP, HDOP and VDOP.
-    pub dop_limits: DopLimits,
-}
-
-/// Limits of the geometry.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DopLimits {
-    /// Maximum PDOP.
-    pub pdop: f64,
-    /// Maximum HDOP.
-    pub hdop: f64,
-    /// Maximum VDOP.
-    pub vdop: f64,
-}
-
-impl Default for RaimOptions {
-    fn default() -> Self {
-        Self {
-            global: ChiSquareThresholds::new(1e-3),
-            local_false_alarm: 1e-3,
-            separability: 0.9,
-            maximum_exclusions: 8,
-            dop_limits: DopLimits { pdop: 30.0, hdop: 25.0, vdop: 20.0 },
-        }
-    }
-}
+use crate::measurement::CorrectedObservation;
+use crate::solve::{Fit, RateFit, SolveError, solve_position};
 
 /// A solution with its RAIM report; without a solution the verdict is [`Verdict::CannotBeChecked`].
 #[derive(Debug)]
@@ -58,9 +20,11 @@ pub struct Monitored {
     pub report: RaimReport,
 }
 
-/// Solves and tests. While the global test fails, excludes the measurement with the largest normalised residual that fails the local test
-/// and can be separated from the others. If absurd residuals remain, excludes one whole clock group or constellation instead, if exactly one
-/// such exclusion succeeds. Excluded observations are marked in place.
+/// Solves and tests, with exclusions by the method of the options, and protection levels of what is left. Excluded observations are marked in
+/// place.
+///
+/// The geometry is checked before and after: if it is beyond its limits, nothing is excluded. If absurd residuals remain after the exclusions,
+/// one whole clock group or constellation is excluded instead, if exactly one such exclusion succeeds.
 ///
 /// Groups are not excluded for smaller residuals. In a city several satellites of the largest constellation are reflected, and the rest alone
 /// passes by its lack of redundancy: in 61 such epochs of recordings the mean horizontal error grew from 14 to 20 m.
@@ -69,107 +33,98 @@ pub fn solve_with_raim(
     start: Ecef,
     options: &RaimOptions,
 ) -> Monitored {
-    let offered: Vec<Usage> = observations.iter().map(|o| o.usage).collect();
-    let singly = exclude_singly(observations, start, options);
-    if singly.report.may_start_filter() {
-        return singly;
+    let offered = usages(observations);
+    let mut monitored = monitor(observations, start, options);
+    if options.exclude_groups && options.method != Method::None && !monitored.report.may_start_filter() {
+        let by_singles = usages(observations);
+        mark(observations, &offered);
+        match exclude_group(observations, start, options) {
+            Some(by_group) => monitored = by_group,
+            None => mark(observations, &by_singles),
+        }
     }
-    let by_singles: Vec<Usage> = observations.iter().map(|o| o.usage).collect();
-    mark(observations, &offered);
-    exclude_group(observations, start, options).unwrap_or_else(|| {
-        mark(observations, &by_singles);
-        singly
-    })
+    protect(observations, &mut monitored, options);
+    monitored
 }
 
-/// Sets the usage of all observations.
-pub(super) fn mark(observations: &mut [CorrectedObservation], usages: &[Usage]) {
-    for (observation, usage) in observations.iter_mut().zip(usages) {
-        observation.usage = *usage;
-    }
-}
-
-/// Solves and tests, with exclusion of single measurements.
-fn exclude_singly(
-    observations: &mut [CorrectedObservation],
-    start: Ecef,
-    options: &RaimOptions,
-) -> Monitored {
-    let mut fit = solve_position(observations, start);
-    let mut excluded = 0_u16;
-    let verdict = loop {
-        let Ok(solved) = &fit else { break Verdict::CannotBeChecked };
-        let Some(test) = global_test(solved, options) else { break Verdict::CannotBeChecked };
-        if test.statistic <= test.threshold {
-            break geometry_verdict(solved.dops(), options.dop_limits);
-        }
-        if test.degrees_of_freedom < 2 {
-            break Verdict::Unreliable(Cause::InsufficientRedundancy);
-        }
-        let candidate = (usize::from(excluded) < options.maximum_exclusions)
-            .then(|| excludable(solved, options))
-            .flatten();
-        let Some(index) = candidate else { break Verdict::Unreliable(Cause::TestsFailed) };
-        let position = solved.position();
-        observations[index].usage = Usage::Excluded;
-        let Ok(next) = solve_position(observations, position) else {
-            observations[index].usage = Usage::Used;
-            break Verdict::Unreliable(Cause::TestsFailed);
-        };
-        excluded += 1;
-        fit = Ok(next);
+/// Solves and tests, with exclusions of single measurements.
+fn monitor(observations: &mut [CorrectedObservation], start: Ecef, options: &RaimOptions) -> Monitored {
+    let fit = match solve_position(observations, start) {
+        Ok(fit) => fit,
+        Err(error) => return Monitored { fit: Err(error), report: RaimReport::of(Verdict::CannotBeChecked) },
     };
-    let global_test = fit.as_ref().ok().and_then(|fit| global_test(fit, options));
-    Monitored { fit, report: RaimReport { verdict, global_test, excluded } }
+    let (fit, verdict) = judge(observations, fit, options);
+    let report = RaimReport {
+        global_test: global_test(&fit, options),
+        excluded: count_excluded(observations),
+        ..RaimReport::of(verdict)
+    };
+    Monitored { fit: Ok(fit), report }
 }
 
-pub(super) fn geometry_verdict(dops: Option<Dops>, limits: DopLimits) -> Verdict {
-    match dops {
-        Some(d) if d.pdop <= limits.pdop && d.hdop <= limits.hdop && d.vdop <= limits.vdop => {
-            Verdict::Reliable
-        }
-        _ => Verdict::Unreliable(Cause::Geometry),
+fn judge(observations: &mut [CorrectedObservation], fit: Fit, options: &RaimOptions) -> (Fit, Verdict) {
+    let Some(test) = global_test(&fit, options) else { return (fit, Verdict::CannotBeChecked) };
+    let by_geometry = |fit: Fit| {
+        let verdict = geometry_verdict(fit.dops(), options.dop_limits);
+        (fit, verdict)
+    };
+    if test.passes() {
+        return by_geometry(fit);
+    }
+    if test.degrees_of_freedom < 2 {
+        return (fit, Verdict::Unreliable(Cause::InsufficientRedundancy));
+    }
+    if geometry_verdict(fit.dops(), options.dop_limits) != Verdict::Reliable {
+        return (fit, Verdict::Unreliable(Cause::Geometry));
+    }
+    let (fit, verdict) = match options.method {
+        Method::ForwardBackward => forward_backward::exclude(observations, fit, options),
+        Method::Subset => subset::exclude(observations, fit, options),
+        Method::None => (fit, Verdict::Unreliable(Cause::TestsFailed)),
+    };
+    if verdict == Verdict::Reliable { by_geometry(fit) } else { (fit, verdict) }
+}
+
+/// Adds the protection levels, and holds a reliable solution against the alarm limits.
+fn protect(observations: &[CorrectedObservation], monitored: &mut Monitored, options: &RaimOptions) {
+    let Ok(fit) = &monitored.fit else { return };
+    let report = &mut monitored.report;
+    report.protection = separation_levels(observations, fit, &options.protection);
+    report.slope = slope_levels(fit, options);
+    if report.verdict == Verdict::Reliable && exceeds(report.protection, options.alarm_limits) {
+        report.verdict = Verdict::Unreliable(Cause::AlarmLimit);
     }
 }
 
-/// D against χ²(1 − P_fa, m − n); `None` without redundancy.
-pub(super) fn global_test(fit: &Fit, options: &RaimOptions) -> Option<GlobalTest> {
-    let degrees_of_freedom = fit.degrees_of_freedom();
-    (degrees_of_freedom > 0).then(|| GlobalTest {
-        statistic: fit.weighted_square_sum(),
-        threshold: options.global.threshold(degrees_of_freedom),
-        degrees_of_freedom: u16::try_from(degrees_of_freedom).unwrap_or(u16::MAX),
-    })
+/// Whether levels are beyond limits. Levels that cannot be computed are beyond any limit.
+fn exceeds(levels: Option<ProtectionLevels>, limits: AlarmLimits) -> bool {
+    levels.map_or_else(
+        || limits != AlarmLimits::NONE,
+        |levels| levels.horizontal_m > limits.horizontal_m || levels.vertical_m > limits.vertical_m,
+    )
 }
 
-/// Index of the observation to exclude: the largest |w_i| = |r_i|/√(C_v)_ii that fails the local test, unless its correlation with another
-/// failing observation makes the two inseparable.
-fn excludable(fit: &Fit, options: &RaimOptions) -> Option<usize> {
-    let threshold = two_sided_threshold(options.local_false_alarm);
-    let mut failing: Vec<(usize, f64)> = (0..fit.len())
-        .filter_map(|i| {
-            let variance = fit.residual_covariance(i, i);
-            // A single measurement of its clock has a residual of zero with zero variance, which cannot be tested.
-            let checkable = variance * fit.weight(i) > 1e-9;
-            let w = fit.residual_m(i).abs() / variance.sqrt();
-            (checkable && w > threshold).then_some((i, w))
-        })
-        .collect();
-    failing.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let (worst, others) = failing.split_first()?;
-    let inseparable = others.iter().any(|other| correlation(fit, worst.0, other.0) >= options.separability);
-    (!inseparable).then(|| fit.observation(worst.0))
-}
-
-/// |(WC_vW)_ij| / √((WC_vW)_ii (WC_vW)_jj); the diagonal W cancels.
-fn correlation(fit: &Fit, i: usize, j: usize) -> f64 {
-    let scale = fit.residual_covariance(i, i) * fit.residual_covariance(j, j);
-    fit.residual_covariance(i, j).abs() / scale.sqrt()
+/// Verdict on a velocity by the global test of its range rates: reliable; unreliable if the range rates in use contradict each other, or if more
+/// had to go than redundant ones are left; or not to be checked.
+pub fn velocity_report(fit: &RateFit, options: &RaimOptions) -> VelocityReport {
+    let dof = fit.degrees_of_freedom;
+    let global_test = (dof > 0).then(|| GlobalTest {
+        statistic: fit.weighted_square_sum,
+        threshold: options.global.threshold(dof),
+        degrees_of_freedom: u16::try_from(dof).unwrap_or(u16::MAX),
+    });
+    let verdict = match global_test {
+        None => Verdict::CannotBeChecked,
+        Some(test) if test.passes() && fit.excluded <= dof => Verdict::Reliable,
+        Some(_) => Verdict::Unreliable(Cause::TestsFailed),
+    };
+    VelocityReport { verdict, global_test, excluded: u16::try_from(fit.excluded).unwrap_or(u16::MAX) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measurement::Usage;
     use crate::measurement::sky::{OPEN_SKY_DEG, Receiver};
 
     fn monitor(observations: &mut [CorrectedObservation]) -> Monitored {
@@ -240,7 +195,7 @@ mod tests {
         }
         observations[9].pseudorange_m += 60.0;
         let report = monitor(&mut observations).report;
-        assert_eq!(report.verdict, Verdict::Unreliable(Cause::TestsFailed));
+        assert_eq!(report.verdict, Verdict::Unreliable(Cause::Inseparable));
         assert_eq!(report.excluded, 0);
     }
 
