@@ -10,9 +10,10 @@ use crate::gnss::{EpochFlag, ObservationEpoch};
 use crate::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim, velocity_report};
 use crate::measurement::{
     Carriers, CorrectedObservation, CorrectionOptions, Corrector, Differential, DifferentialCounts,
-    DifferentialOptions, Finished, PreparedObservation, RecordedEpoch, StochasticModel, without_position,
+    DifferentialOptions, Finished, PreparedObservation, RecordedEpoch, StochasticModel, VarianceModel,
+    without_position,
 };
-use crate::orbit::Products;
+use crate::orbit::{BroadcastAccuracy, Products};
 use crate::phase::{CarrierEpoch, PhaseTracker};
 use crate::skips::{Reason, Skips};
 use crate::solve::{PointSolution, SolveError, fit_velocity};
@@ -52,6 +53,22 @@ impl PipelineOptions {
             ..CorrectionOptions::default()
         };
         Self { correction, filter: FilterOptions::peng2023(), ..Self::default() }
+    }
+
+    /// RAIM of Cappello 2023: variances by elevation and URA, 15° and 20 dB-Hz, no exclusion of groups. The paper does not print the standard
+    /// deviation at the zenith; it is 1 m here. Corrections and filter are as by default.
+    pub fn cappello2023() -> Self {
+        let usual = StochasticModel::default();
+        let correction = CorrectionOptions {
+            elevation_mask_rad: 15_f64.to_radians(),
+            minimum_cn0_dbhz: 20.0,
+            // What products state for the satellite is added to every model.
+            stochastic: StochasticModel { code: VarianceModel::Elevation { ura: 0.0, zenith: 1.0 }, ..usual },
+            broadcast_accuracy: BroadcastAccuracy::Stated,
+            ..CorrectionOptions::default()
+        };
+        let raim = RaimOptions { exclude_groups: false, ..RaimOptions::default() };
+        Self { correction, raim, ..Self::default() }
     }
 }
 

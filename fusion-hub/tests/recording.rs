@@ -107,6 +107,8 @@ fn all_entities_are_there() {
             "satellites/usage/C01\\ 2I",
             "quality/satellites",
             "quality/pdop",
+            "quality/hpl",
+            "quality/vpl",
             "raim",
         ] {
             let entity = format!("/phones/{phone}/{entity}");
@@ -220,7 +222,8 @@ fn only_verdicts_that_matter_are_logged() {
     let levels = texts(&store, "/phones/P1/raim", rerun::TextLog::descriptor_level().component);
     assert_eq!(levels, ["INFO", "ERROR", "INFO"]);
     let lines = texts(&store, "/phones/P1/raim", rerun::TextLog::descriptor_text().component);
-    assert_eq!(lines[1], "14:30:04 GPS P1: unreliable: tests failed; D 61.2 > 38.6, 19 dof; 3 excluded");
+    let said = "unreliable: tests failed; D 61.2 > 38.6, 19 dof; 3 excluded; HPL 12.0 m, VPL 18.0 m";
+    assert_eq!(lines[1], format!("14:30:04 GPS P1: {said}"));
     let (_directory, path) = scratch();
     record_changed(&path, |_, epoch| {
         for message in epoch.phones.iter_mut().filter_map(|phone| phone.message.as_mut()) {
@@ -242,8 +245,8 @@ fn a_layout_is_in_the_file() {
     assert!(entities.contains(&"/viewport".to_owned()));
     let axes = entities.iter().filter(|e| e.ends_with("/TimeAxis")).count();
     assert_eq!(
-        axes, 15,
-        "2 × (horizontal, vertical, C/N0, residuals), all joint, 2 of constraints, 4 of quality"
+        axes, 17,
+        "2 × (horizontal, vertical, C/N0, residuals), all joint, 2 of constraints, 6 of quality"
     );
     let ids: Vec<_> = stores.iter().map(|(id, _)| id.recording_id().clone()).collect();
     let (_other_directory, other) = scratch();

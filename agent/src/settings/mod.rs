@@ -97,7 +97,7 @@ impl FileSettings {
         let estimator = Settings::of_file(&keys).map_err(|error| error.told(text))?;
         masks.apply(CorrectionOptions::default()).map_err(|error| in_table("masks", &error, text))?;
         log.with(&masks).map_err(|error| in_table("log", &error, text))?;
-        let preset = keys.filter.preset.unwrap_or_default();
+        let preset = keys.preset();
         Ok(Self { preset, estimator, masks, log })
     }
 }
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn what_is_printed_is_read_and_says_the_defaults() {
-        for preset in [Preset::Default, Preset::Peng2023, Preset::Peng2023Doppler] {
+        for preset in [Preset::Default, Preset::Peng2023, Preset::Peng2023Doppler, Preset::Cappello2023] {
             let text = document(preset);
             let read = FileSettings::parse(&text).unwrap();
             assert_eq!(read.estimator, Settings::preset(preset));

@@ -1,10 +1,12 @@
 //! Truth trajectories, errors of positions and their percentiles.
 
+mod claims;
 mod score;
 mod shift;
 mod truth;
 mod truth_table;
 
+pub use claims::{Claim, Protection};
 pub use score::{Accuracy, Solution, Spans, score};
 pub use shift::{TimeShift, time_shift};
 pub use truth::{TRUTH_COLUMNS, Truth, TruthError, TruthPoint};

@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, Matrix3, Vector2};
 use serde::Serialize;
 
-use super::Truth;
+use super::{Protection, Truth};
 use crate::frames::{Ecef, Enu, LocalFrame};
 use crate::time::GpsTime;
 
@@ -58,6 +58,9 @@ pub struct Accuracy {
     pub nees_horizontal: f64,
     /// Mean normalised estimation error squared of the height; 1 for a correct covariance.
     pub nees_up: f64,
+    /// What integrity monitoring said of the positions; empty where nothing did.
+    #[serde(flatten)]
+    pub protection: Protection,
 }
 
 /// An error and its ratio to the covariance.
@@ -130,6 +133,12 @@ fn nearest(solutions: &[Solution], time: GpsTime) -> Option<&Solution> {
         .min_by(|a, b| (a.time_gps - time).abs().total_cmp(&(b.time_gps - time).abs()))
 }
 
+/// Error of a position at a time, where the truth has it.
+pub(super) fn truth_error(truth: &Truth, qualities: &[u8], time_gps: GpsTime, position: Ecef) -> Option<Enu> {
+    let reference = truth.at(time_gps, qualities)?;
+    Some(LocalFrame::at(reference.position).ecef_to_enu(position))
+}
+
 fn compare(truth: &Truth, qualities: &[u8], solution: &Solution) -> Option<Scored> {
     let reference = truth.at(solution.time_gps, qualities)?;
     let frame = LocalFrame::at(reference.position);
@@ -172,6 +181,7 @@ impl Accuracy {
             rmse_2d_m: rms(|e| e.horizontal()),
             nees_horizontal: mean(scored, |s| s.nees_horizontal),
             nees_up: mean(scored, |s| s.nees_up),
+            protection: Protection::default(),
         })
     }
 }
@@ -181,7 +191,7 @@ fn mean(scored: &[Scored], value: impl Fn(&Scored) -> f64) -> f64 {
 }
 
 /// The `fraction` quantile of sorted values by linear interpolation; NaN without values.
-fn percentile(sorted: &[f64], fraction: f64) -> f64 {
+pub(super) fn percentile(sorted: &[f64], fraction: f64) -> f64 {
     let position = fraction * sorted.len().saturating_sub(1) as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within the slice's length
     let below = position.floor() as usize;

@@ -55,13 +55,20 @@ impl Preset {
     }
 }
 
+impl SettingsKeys {
+    /// The preset that a file names: in the table filter, or else in the table integrity.
+    pub fn preset(&self) -> Preset {
+        self.filter.preset.or(self.integrity.preset).unwrap_or_default()
+    }
+}
+
 impl Settings {
     /// Settings of a file, based on its preset or else on the default.
     ///
     /// # Errors
     /// An invalid value.
     pub fn of_file(given: &SettingsKeys) -> Result<Self, SettingsError> {
-        let mut settings = Self::preset(given.filter.preset.unwrap_or_default());
+        let mut settings = Self::preset(given.preset());
         settings.take(given);
         settings.check()?;
         Ok(settings)

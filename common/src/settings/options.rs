@@ -39,6 +39,7 @@ impl Settings {
         match preset {
             Preset::Default => Self::default(),
             Preset::Peng2023 => Self::peng2023(),
+            Preset::Cappello2023 => Self::of(&PipelineOptions::cappello2023(), &EngineOptions::default()),
             Preset::Peng2023Doppler => {
                 let peng = Self::peng2023();
                 Self { filter: FilterSettings { doppler: true, ..peng.filter }, ..peng }
@@ -138,6 +139,7 @@ impl Preset {
         let of_preset = match self {
             Self::Default => CorrectionOptions::default(),
             Self::Peng2023 | Self::Peng2023Doppler => PipelineOptions::peng2023().correction,
+            Self::Cappello2023 => PipelineOptions::cappello2023().correction,
         };
         let CorrectionOptions { elevation_mask_rad, minimum_cn0_dbhz, .. } = of_preset;
         CorrectionOptions { elevation_mask_rad, minimum_cn0_dbhz, ..correction }

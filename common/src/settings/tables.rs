@@ -22,6 +22,8 @@ pub enum Preset {
     /// The same with Doppler.
     #[serde(rename = "peng2023-doppler")]
     Peng2023Doppler,
+    /// RAIM of Cappello 2023: weights by elevation and URA, 15° and 20 dB-Hz, no exclusion of groups; else as by default.
+    Cappello2023,
 }
 
 /// The form of a variance model; see [`crate::measurement::VarianceModel`].
@@ -89,6 +91,7 @@ pub enum Widening {
 words! {
     Preset {
         "default" => Self::Default, "peng2023" => Self::Peng2023, "peng2023-doppler" => Self::Peng2023Doppler,
+        "cappello2023" => Self::Cappello2023,
     }
     Ionosphere { "model" => Self::Model, "pair" => Self::Pair, "pair-only" => Self::PairOnly }
     ExclusionMethod {
@@ -260,6 +263,8 @@ tables! {
         maximum_hdop: f64 = ["no unit", 1.0..=f64::INFINITY];
         /// VDOP up to which a position is called reliable.
         maximum_vdop: f64 = ["no unit", 1.0..=f64::INFINITY];
+        beside /// The same as preset in the table filter, where that is not given.
+        preset: Preset;
     }
 
     /// How phones move, and how measurements are weighed; of the phone's own filter and of the joint one.

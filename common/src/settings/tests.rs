@@ -8,7 +8,8 @@ use crate::fusion::engine::EngineOptions;
 use crate::measurement::{DifferentialOptions, Uncorrected, VarianceModel};
 use crate::pipeline::PipelineOptions;
 
-const PRESETS: [Preset; 3] = [Preset::Default, Preset::Peng2023, Preset::Peng2023Doppler];
+const PRESETS: [Preset; 4] =
+    [Preset::Default, Preset::Peng2023, Preset::Peng2023Doppler, Preset::Cappello2023];
 
 fn read(text: &str) -> Result<Settings, String> {
     let given: SettingsKeys = toml::from_str(text).map_err(|error| error.to_string())?;
@@ -50,6 +51,10 @@ fn presets_are_the_options_of_the_parts() {
         assert_eq!(settings.check(), Ok(()));
     }
     assert_ne!(Settings::default(), Settings::peng2023());
+    let cappello = PipelineOptions::cappello2023();
+    let told = read("[integrity]\npreset = 'cappello2023'\nmethod = 'subset'").unwrap().pipeline();
+    assert_eq!(Preset::Cappello2023.masked(told.correction), cappello.correction);
+    assert_eq!((told.raim.method, told.raim.exclude_groups), (crate::integrity::Method::Subset, false));
 }
 
 #[test]
@@ -193,7 +198,7 @@ fn needed_beside(entry: &Entry, new: &str) -> String {
     let variance = &entry.table;
     match (entry.table.as_str(), entry.key, new) {
         (_, _, "'elevation'") => format!("{variance}.ura_{unit} = 1.0\n{variance}.zenith_{unit} = 1.0\n"),
-        ("correction.base.code", "model", _) => {
+        ("correction.base.code" | "stochastic.code", "model", "'cn0'") => {
             format!("{variance}.floor_m2 = 1.0\n{variance}.noise_m2 = 1.0\n")
         }
         ("filter", "robust_reject_sigmas", _) => "filter.robust_keep_sigmas = 1.0\n".to_owned(),

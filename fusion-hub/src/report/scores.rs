@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use cofix_common::accuracy::{Accuracy, Solution, Spans, Truth, score, time_shift};
+use cofix_common::accuracy::{Accuracy, Claim, Protection, Solution, Spans, Truth, score, time_shift};
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::Ecef;
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
@@ -69,6 +69,8 @@ struct PhoneScores {
     wls: Vec<Solution>,
     local: Vec<Solution>,
     joint: Vec<Solution>,
+    /// What the agent's integrity monitoring said of the epoch-wise positions.
+    claims: Vec<Claim>,
 }
 
 /// Collects positions and scores them at the end.
@@ -114,11 +116,13 @@ impl Scores {
                 |scores: &PhoneScores| (scores.name.clone(), self.accuracy(scores, solutions(scores)));
             self.phones.iter().map(entry).collect()
         };
-        Methods {
-            wls: by_phone(|scores| &scores.wls),
-            local: by_phone(|scores| &scores.local),
-            joint: by_phone(|scores| &scores.joint),
+        let mut wls: ByPhone = by_phone(|scores| &scores.wls);
+        for scores in &self.phones {
+            if let Some(Some(accuracy)) = wls.get_mut(&scores.name) {
+                accuracy.protection = scores.protection(&self.qualities);
+            }
         }
+        Methods { wls, local: by_phone(|scores| &scores.local), joint: by_phone(|scores| &scores.joint) }
     }
 
     /// Phones that are not scored, and why.
@@ -171,9 +175,18 @@ impl PhoneScores {
                 position: solution.position,
                 covariance: solution.position_covariance,
             }));
+            self.claims.extend(
+                message.wls.as_ref().map(|solution| Claim::of(time, solution.position, &message.raim)),
+            );
             self.local.extend(message.local.as_ref().map(|state| claimed(time, state)));
         }
         self.joint.extend(phone.state.as_ref().map(|state| claimed(time_gps, state)));
+    }
+
+    fn protection(&self, qualities: &[u8]) -> Protection {
+        self.truth
+            .as_ref()
+            .map_or_else(Protection::default, |truth| Protection::score(truth, qualities, &self.claims))
     }
 
     fn position_at(&self, time: GpsTime, qualities: &[u8]) -> Option<Ecef> {

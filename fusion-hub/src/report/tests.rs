@@ -1,4 +1,4 @@
-use cofix_common::accuracy::Accuracy;
+use cofix_common::accuracy::{Accuracy, Protection};
 use cofix_common::constraint::{
     Constraint, ConstraintAction, ConstraintOutcome, Distance, Heading, SkipReason, VerticalVelocity,
 };
@@ -235,6 +235,7 @@ fn the_table_follows_the_sessions_order_and_means_what_is_scored() {
         nees_horizontal: 2.0,
         nees_up: 1.0,
         rmse_2d_m: 1.0,
+        protection: Protection::default(),
     };
     let scored: ByPhone = [("a", Some(1.0)), ("b", Some(2.0)), ("c", None)]
         .map(|(name, p50)| (name.to_owned(), p50.map(accuracy)))

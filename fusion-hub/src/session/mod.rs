@@ -47,7 +47,7 @@
 //! [evaluation]
 //! truth_quality = [1]                 # rows of the truth that count; this is the default
 //! [filter]
-//! preset = "default"                  # or "peng2023"; single keys of the tables below override it
+//! preset = "default"                  # or "peng2023", "cappello2023"; single keys of the tables below override it
 //! [correction]
 //! sources = ["base.rtcm3"]            # optional: recordings of base stations and of ephemerides, for all phones
 //! base_position_m = [4e6, 5e5, 5e6]   # optional: the base's antenna, ECEF, in place of what its recording states
@@ -141,8 +141,9 @@ impl Settings {
 
     /// Of a file with this text.
     fn new(file: &text::SessionFile, text: &str, folder: &Path) -> Result<Self, String> {
-        let estimator = Estimator::of_file(&file.settings()).map_err(|error| error.told(text))?;
-        let preset = file.filter.preset.unwrap_or_default();
+        let given = file.settings();
+        let estimator = Estimator::of_file(&given).map_err(|error| error.told(text))?;
+        let preset = given.preset();
         let settings = Self {
             preset,
             estimator,

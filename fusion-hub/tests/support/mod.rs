@@ -8,7 +8,7 @@ use cofix_common::filter::PhoneState;
 use cofix_common::frames::{Direction, Ecef, EcefVector, Enu, Geodetic, LocalFrame};
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, PairDistance};
 use cofix_common::gnss::{SatelliteId, SignalCode};
-use cofix_common::integrity::{Cause, GlobalTest, RaimReport, Verdict};
+use cofix_common::integrity::{Cause, GlobalTest, ProtectionLevels, RaimReport, Verdict};
 use cofix_common::measurement::{CorrectedObservation, SharedError, Usage};
 use cofix_common::solve::{Dops, PointSolution};
 use cofix_common::time::GpsTime;
@@ -248,5 +248,10 @@ fn raim(index: usize) -> RaimReport {
     let statistic = if index % 71 == 5 { 61.2 } else { 17.4 };
     let verdict = if index % 71 == 5 { Verdict::Unreliable(Cause::TestsFailed) } else { Verdict::Reliable };
     let global_test = Some(GlobalTest { statistic, threshold: 38.6, degrees_of_freedom: 19 });
-    RaimReport { global_test, excluded: u16::from(index % 71 == 5) * 3, ..RaimReport::of(verdict) }
+    RaimReport {
+        global_test,
+        excluded: u16::from(index % 71 == 5) * 3,
+        protection: Some(ProtectionLevels { horizontal_m: 12.0, vertical_m: 18.0 }),
+        ..RaimReport::of(verdict)
+    }
 }

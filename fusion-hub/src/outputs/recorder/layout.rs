@@ -154,6 +154,8 @@ impl Plots {
         }
         children.push(self.view("Satellites used", all(phones, &["quality", "satellites"])).into());
         children.push(self.view("PDOP", all(phones, &["quality", "pdop"])).into());
+        children.push(self.view("Horizontal protection level", all(phones, &["quality", "hpl"])).into());
+        children.push(self.view("Vertical protection level", all(phones, &["quality", "vpl"])).into());
         children.push(self.view("Innovation of the code", all(phones, &["quality", "code_nis"])).into());
         children.push(self.view("Rejected measurements", all(phones, &["quality", "rejected"])).into());
         tabs("Signals", children)

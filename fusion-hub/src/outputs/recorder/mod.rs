@@ -20,6 +20,7 @@
 //! | `/phones/<phone>/satellites/usage/<G07 1C>` | `StateChange`, `used` or `excluded` (by RAIM), one row per change |
 //! | `/phones/<phone>/quality/satellites` | `Scalars`, satellites used |
 //! | `/phones/<phone>/quality/pdop` | `Scalars` |
+//! | `/phones/<phone>/quality/hpl`, `…/vpl` | `Scalars`: protection levels of the epoch-wise solution, m |
 //! | `/phones/<phone>/quality/code_nis`, `…/rejected` | `Scalars`: innovation of the code squared per row (1 if the model is right), measurements without weight, of the filter without constraints |
 //! | `/phones/<phone>/raim` | `TextLog`, verdicts that changed or are not reliable |
 //! | `/constraints/<constraint>/shift` | `Scalars`, m, only where the constraint acted |

@@ -50,6 +50,8 @@ pub(super) struct PhoneRecorder {
     pdop: Series,
     /// Normalised innovation squared of the code per row.
     code_nis: Series,
+    /// Protection levels of the epoch-wise solution, m.
+    levels: [Series; 2],
     /// Measurements whose innovation left them without weight.
     rejected: Series,
     signals: Signals,
@@ -71,6 +73,7 @@ impl PhoneRecorder {
             satellites: quality("satellites"),
             pdop: quality("pdop"),
             code_nis: quality("code_nis"),
+            levels: [quality("hpl"), quality("vpl")],
             rejected: quality("rejected"),
             signals: Signals::new(name),
             raim: LogLines::new(phone_path(name, ["raim"])),
@@ -140,6 +143,12 @@ impl PhoneRecorder {
         self.signals.push(time_ns, observations, skips);
         self.satellites.push(time_ns, message.map(|m| m.satellites_used() as f64), skips);
         self.pdop.push(time_ns, message.and_then(|m| m.wls.as_ref()).map(|s| s.dops.pdop), skips);
+        let protection = message.and_then(|m| m.raim.protection);
+        let values =
+            [protection.map(|levels| levels.horizontal_m), protection.map(|levels| levels.vertical_m)];
+        for (series, value) in self.levels.iter_mut().zip(values) {
+            series.push(time_ns, value, skips);
+        }
         let Some(raim) = message.map(|m| m.raim) else { return };
         if raim.verdict != Verdict::Reliable || self.last_verdict != Some(raim.verdict) {
             self.raim.push(time_ns, level(raim.verdict), &describe(&self.name, &raim));
@@ -157,6 +166,7 @@ impl PhoneRecorder {
         self.satellites.write_segment(file)?;
         self.pdop.write_segment(file)?;
         self.code_nis.write_segment(file)?;
+        self.levels.iter_mut().try_for_each(|series| series.write_segment(file))?;
         self.rejected.write_segment(file)?;
         self.raim.write_segment(file)?;
         self.signals.write_segment(file)
@@ -228,13 +238,19 @@ const fn level(verdict: Verdict) -> &'static str {
         Verdict::Reliable => TextLogLevel::INFO,
         Verdict::CannotBeChecked
         | Verdict::Unreliable(Cause::Geometry | Cause::AlarmLimit | Cause::Constraint) => TextLogLevel::WARN,
-        Verdict::Unreliable(Cause::InsufficientRedundancy | Cause::TestsFailed) => TextLogLevel::ERROR,
+        Verdict::Unreliable(
+            Cause::InsufficientRedundancy
+            | Cause::TestsFailed
+            | Cause::Inseparable
+            | Cause::Tie
+            | Cause::SearchLimit,
+        ) => TextLogLevel::ERROR,
     }
 }
 
 fn describe(phone: &str, raim: &RaimReport) -> String {
     let test = raim.global_test.map_or_else(String::new, |test| {
-        let relation = if test.statistic <= test.threshold { "≤" } else { ">" };
+        let relation = if test.passes() { "≤" } else { ">" };
         let (statistic, threshold, dof) = (test.statistic, test.threshold, test.degrees_of_freedom);
         format!("; D {statistic:.1} {relation} {threshold:.1}, {dof} dof")
     });
@@ -242,7 +258,14 @@ fn describe(phone: &str, raim: &RaimReport) -> String {
         0 => String::new(),
         count => format!("; {count} excluded"),
     };
-    format!("{phone}: {}{test}{excluded}", raim.verdict)
+    let levels = raim.protection.map_or_else(String::new, |levels| {
+        format!("; HPL {:.1} m, VPL {:.1} m", levels.horizontal_m, levels.vertical_m)
+    });
+    let velocity = match raim.velocity {
+        Some(velocity) if matches!(velocity.verdict, Verdict::Unreliable(_)) => "; velocity unreliable",
+        _ => "",
+    };
+    format!("{phone}: {}{test}{excluded}{levels}{velocity}", raim.verdict)
 }
 
 /// A time that a recording can hold: from GPS time's start into the 23rd century.

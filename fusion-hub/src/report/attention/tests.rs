@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use cofix_common::accuracy::Accuracy;
+use cofix_common::accuracy::{Accuracy, Protection};
 use cofix_common::constraint::Distance;
 use cofix_common::skips::{Reason, Skips};
 
@@ -43,6 +43,7 @@ fn accuracy() -> Accuracy {
         rmse_2d_m: 1.4,
         nees_horizontal: 2.0,
         nees_up: 1.0,
+        protection: Protection::default(),
     }
 }
 
