@@ -16,6 +16,7 @@
 use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::information::{Measured, Other};
 use crate::atmosphere::{Crossing, L1_HZ, Shell, scale_from_l1};
 use crate::frames::Direction;
 use crate::gnss::SatelliteId;
@@ -62,6 +63,13 @@ impl SharedErrors {
     }
 }
 
+/// Innovations of a row, m, up to which it has its full weight (k0σ) and from which on it has none (k1σ); see [`super::RobustWeights`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pull {
+    pub kept_m: f64,
+    pub rejected_m: f64,
+}
+
 /// Sensitivity of one observation to the shared states.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sensitivity {
@@ -93,11 +101,16 @@ pub(super) struct Consider {
     sorted: Vec<(SatelliteId, usize)>,
     /// Variances of the shared states.
     variances: Vec<f64>,
+    /// Largest pull of each shared state's satellite on a filter with robust weights, m; see [`Consider::faults`].
+    pulls: Vec<f64>,
     /// C, a row for each state and a column for each shared state.
     pub cross: DMatrix<f64>,
     /// P₂.
     pub covariance: DMatrix<f64>,
 }
+
+/// Least share of an error in its own innovation that counts: below it an error does not show.
+const LEAST_LEFT: f64 = 0.01;
 
 impl Consider {
     pub fn new(options: SharedErrors) -> Self {
@@ -106,6 +119,7 @@ impl Consider {
             options,
             sorted: Vec::new(),
             variances: shares.iter().map(|share| share * share).collect(),
+            pulls: vec![0.0; IONOSPHERE_STATES],
             cross: DMatrix::zeros(0, IONOSPHERE_STATES),
             covariance: DMatrix::zeros(0, 0),
         }
@@ -126,12 +140,69 @@ impl Consider {
             Err(place) => {
                 self.sorted.insert(place, (observation.satellite, self.variances.len()));
                 self.variances.push(0.0);
+                self.pulls.push(0.0);
                 self.cross.resize_horizontally_mut(self.variances.len(), 0.0);
                 self.variances.len() - 1
             }
         };
         self.variances[satellite] = self.variances[satellite].max(sigma_m * sigma_m);
         Sensitivity { satellite, ionosphere: ionosphere(observation) }
+    }
+
+    /// Takes the largest lasting errors that robust weights let pass, after an update with these rows of the code. `states` are the phone's
+    /// position and biases.
+    ///
+    /// An error b of satellite i leaves ρb of it in the satellite's innovation; the rest is absorbed by position, biases and clock. A pseudorange that
+    /// is off by v standard deviations pulls like vγ(v) of them, at most k0, and so like an error of k0σ/ρ. An error that is there at once and
+    /// above k1σ has no weight.
+    pub fn take_pulls(
+        &mut self,
+        states: &[usize],
+        rows: &[Measured],
+        sensitive: &[Sensitivity],
+        pulls: &[Pull],
+    ) {
+        let total: f64 = rows.iter().map(|row| row.weight).sum();
+        if total <= 0.0 {
+            return;
+        }
+        let absorbed = |row: &Measured, column: usize| {
+            let position: f64 = (0..3).map(|axis| row.h[axis] * self.cross[(states[axis], column)]).sum();
+            let bias = match row.other {
+                Other::Bias(place) => self.cross[(states[3 + place], column)],
+                _ => 0.0,
+            };
+            // C belongs to the error, true less estimated: the estimate moves the other way.
+            -(position + bias) / self.variances[column]
+        };
+        let mut largest_m = vec![0.0_f64; self.pulls.len()];
+        for ((row, sensitivity), pull) in rows.iter().zip(sensitive).zip(pulls) {
+            let column = sensitivity.satellite;
+            let left = |other: &Measured, seen: &Sensitivity| {
+                f64::from(u8::from(seen.satellite == column)) - absorbed(other, column)
+            };
+            let clock: f64 =
+                rows.iter().zip(sensitive).map(|(other, seen)| other.weight * left(other, seen)).sum::<f64>()
+                    / total;
+            let share = (left(row, sensitivity) - clock).max(LEAST_LEFT);
+            largest_m[column] = largest_m[column].max((pull.kept_m / share).min(pull.rejected_m));
+        }
+        for (known_m, new_m) in self.pulls.iter_mut().zip(largest_m) {
+            if new_m > 0.0 {
+                *known_m = new_m;
+            }
+        }
+    }
+
+    /// Displacement of three consecutive states by the largest lasting fault of each satellite that robust weights let pass.
+    ///
+    /// The sensitivity of a state to a lasting error of a satellite is C/Pₛ, and the largest such error that of [`Consider::take_pulls`]. Faults that
+    /// grow slowly over all limits are not among them.
+    pub fn faults(&self, at: usize) -> impl Iterator<Item = Vector3<f64>> + '_ {
+        self.sorted.iter().filter(|(_, column)| self.variances[*column] > 0.0).map(move |(_, column)| {
+            let per_metre = self.cross.fixed_view::<3, 1>(at, *column) / self.variances[*column];
+            per_metre * self.pulls[*column]
+        })
     }
 
     /// Adds L⁻¹wh̃gᵀ of one observation with the weight w to G; `compressed` is L⁻¹h̃.
@@ -319,6 +390,51 @@ mod tests {
         let lasting = |o: &CorrectedObservation| options.lasting_weight * o.shared.satellite_sigma_m.powi(2);
         let variances = diagonal(&|o| o.noise_variance_m2() + lasting(o));
         (variances.try_inverse().unwrap(), diagonal(&CorrectedObservation::noise_variance_m2))
+    }
+
+    /// A filter with the default robust weights, updated for two minutes; from the twentieth second on one pseudorange has an error.
+    fn with_a_fault(faulty: usize, error_m: f64) -> JointFilter {
+        let still = Receiver { velocity: EcefVector::new(0.0, 0.0, 0.0), ..Receiver::in_wuhan() };
+        let clean = still.observe(&OPEN_SKY_DEG);
+        let mut wrong = clean.clone();
+        wrong[faulty].pseudorange_m += error_m;
+        let mut filter = JointFilter::new(FilterOptions::default());
+        let (position, position_covariance) =
+            (Receiver::in_wuhan().position, nalgebra::Matrix3::identity() * 9.0);
+        filter.insert(0, at(0.0), &Start { position, position_covariance, velocity: None });
+        for second in 1..=120_u8 {
+            filter.predict(at(f64::from(second)));
+            filter.update(0, if second < 20 { &clean } else { &wrong });
+        }
+        filter
+    }
+
+    /// Whatever the size of a fault and whichever the satellite, it moves the position by no more than the filter says.
+    #[test]
+    fn a_lasting_fault_moves_the_position_by_no_more_than_robust_weights_let_pass() {
+        for faulty in [0, 4, 9] {
+            let clean = with_a_fault(faulty, 0.0);
+            let largest_m = clean.faults(0).unwrap().iter().map(Vector3::norm).fold(0.0, f64::max);
+            let mut worst_m: f64 = 0.0;
+            for error_m in [-2_000.0, -60.0, -15.0, -8.0, 4.0, 8.0, 12.0, 20.0, 40.0, 300.0] {
+                let moved = with_a_fault(faulty, error_m).position(0) - clean.position(0);
+                worst_m = worst_m.max(moved.norm());
+            }
+            println!("satellite {faulty}: {worst_m:.2} m, at most {largest_m:.2} m");
+            assert!(worst_m < largest_m && worst_m > 0.05 * largest_m, "{worst_m} m, {largest_m} m");
+        }
+        let plain = FilterOptions {
+            robust: RobustWeights { keep: f64::INFINITY, reject: f64::INFINITY },
+            ..FilterOptions::default()
+        };
+        let mut unbounded = JointFilter::new(plain);
+        let start = Start {
+            position: Receiver::in_wuhan().position,
+            position_covariance: nalgebra::Matrix3::identity(),
+            velocity: None,
+        };
+        unbounded.insert(0, at(0.0), &start);
+        assert!(unbounded.faults(0).is_none(), "without robust weights nothing bounds a fault");
     }
 
     /// The second covariance and C after an update against the textbook formula with the full rows, each with one white clock.

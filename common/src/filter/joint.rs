@@ -387,6 +387,14 @@ impl JointFilter {
         self.slots.iter().map(|slot| slot.phone)
     }
 
+    /// Displacements of a phone's position, ECEF, by the largest lasting fault of each satellite that the filter's robust weights let pass.
+    /// `None` without robust weights or without shared errors: then nothing bounds them.
+    pub fn faults(&self, slot: usize) -> Option<Vec<Vector3<f64>>> {
+        let at = self.slots.get(slot)?.at;
+        let consider = self.consider.as_ref().filter(|_| self.options.robust.keep.is_finite())?;
+        Some(consider.faults(at).collect())
+    }
+
     /// Covariance of the first phone's errors with those of another filter's first phone, through the errors that they share.
     /// The first N states of each.
     pub(crate) fn shared_with<const N: usize>(&self, other: &Self) -> SMatrix<f64, N, N> {

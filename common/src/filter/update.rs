@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::consider::{Block, Consider};
+use super::consider::{Block, Consider, Pull};
 use super::information::{Information, Measured, Other};
 use super::joint::Kept;
 use super::weights::{reweight, reweight_delayed};
@@ -139,6 +139,12 @@ impl JointFilter {
         let states: Vec<usize> =
             (known.at..known.at + 3).chain(known.first_bias()..known.behind_biases()).collect();
         let prior = self.prior(states[0]);
+        let robust = self.options.robust;
+        let pull = |row: &Measured| {
+            let sigma_m = (row.weight.recip() + row.h.dot(&(prior * row.h))).sqrt();
+            Pull { kept_m: robust.keep * sigma_m, rejected_m: robust.reject * sigma_m }
+        };
+        let pulls: Vec<Pull> = rows.iter().map(pull).collect();
         let late = |i: usize| self.options.late_codes.factor(observations[i].cn0_dbhz);
         let factors = reweight_delayed(&mut rows, &prior, self.options.robust, late);
         let information = Information::new(&rows, states.len());
@@ -150,15 +156,16 @@ impl JointFilter {
             let mut shared = DMatrix::zeros(states.len(), consider.shared_states());
             let mut noise = DMatrix::zeros(states.len(), states.len());
             let mut h = DVector::zeros(states.len());
-            for ((row, observation), sensitivity) in rows.iter().zip(observations).zip(sensitive) {
+            for ((row, observation), sensitivity) in rows.iter().zip(observations).zip(&sensitive) {
                 information.compress(row, &mut h);
                 // w²σ², with w the weight of the row and σ² of its noise alone.
                 let own = row.weight * inflation * observation.noise_variance_m2();
                 noise.ger(row.weight * own * level, &h, &h, 1.0);
-                Consider::add_sensitivity(&mut shared, row.weight, &h, sensitivity);
+                Consider::add_sensitivity(&mut shared, row.weight, &h, *sensitivity);
             }
             let (root, gain) = (&information.root, &gain);
             consider.update(&Block { states: &states, root, gain, noise, shared: Some(shared) });
+            consider.take_pulls(&states, &rows, &sensitive, &pulls);
         }
         (kept(&factors), innovation)
     }

@@ -11,7 +11,10 @@ use crate::constraint::{
     constrain_separately, excess_sigmas,
 };
 use crate::filter::{FilterOptions, PhoneState, UpdateReport};
-use crate::integrity::{Cause, Verdict};
+use crate::frames::{EcefVector, LocalFrame};
+use crate::integrity::{
+    AlarmLimits, Cause, ProtectionLevels, ProtectionOptions, Verdict, exceeds, state_levels,
+};
 use crate::measurement::CorrectedObservation;
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
@@ -42,6 +45,10 @@ pub struct EngineOptions {
     /// Limit, in standard deviations, of the averaged residual of a satellite that all phones contradict; see the module `biased`. Infinite: no
     /// satellite is left out.
     pub biased_sigmas: f64,
+    /// What the protection levels of the fused positions promise.
+    pub protection: ProtectionOptions,
+    /// Protection levels up to which a fused position is reliable.
+    pub alarm_limits: AlarmLimits,
 }
 
 impl Default for EngineOptions {
@@ -51,6 +58,8 @@ impl Default for EngineOptions {
             constraints: ConstraintOptions::default(),
             feedback: false,
             biased_sigmas: 3.5,
+            protection: ProtectionOptions::default(),
+            alarm_limits: AlarmLimits::NONE,
         }
     }
 }
@@ -63,6 +72,7 @@ impl EngineOptions {
             constraints: ConstraintOptions::peng2023(),
             feedback: true,
             biased_sigmas: f64::INFINITY,
+            ..Self::default()
         }
     }
 }
@@ -92,6 +102,8 @@ pub struct FusedPhone {
     /// The verdict on the fused state: that of the message, and unreliable where the phone's measurements doubt a constraint on it; `None`
     /// without a message.
     pub verdict: Option<Verdict>,
+    /// Protection levels of the fused position; `None` where nothing bounds its error.
+    pub protection: Option<ProtectionLevels>,
     /// What the phone's filter made of the message; `None` without one, or where it started the phone.
     pub update: Option<UpdateReport>,
 }
@@ -163,18 +175,61 @@ impl Engine {
         let (slots, output, actions) = self.constrained(&free, &doubts);
         let doubted = self.doubted(&slots, &doubts);
         let distances = self.distances(&slots, &output);
+        let levels = self.levels(&slots, &output, &messages);
         let phones = messages
             .into_iter()
             .enumerate()
             .map(|(phone, message)| FusedPhone {
-                verdict: message.as_ref().map(|message| verdict(message, doubted[phone])),
+                verdict: message.as_ref().map(|message| {
+                    let protection = slots.of(phone).and_then(|slot| levels.get(slot).copied().flatten());
+                    verdict(message, doubted[phone], exceeds(protection, self.options.alarm_limits))
+                }),
                 message,
                 state: slots.of(phone).and_then(|slot| output.states.get(slot).cloned()),
+                protection: slots.of(phone).and_then(|slot| levels.get(slot).copied().flatten()),
                 free: free.slots().of(phone).and_then(|slot| free.state(slot)),
                 update: updates.get(phone).copied().flatten(),
             })
             .collect();
         FusedEpoch { time_gps: self.time_gps, phones, actions, distances }
+    }
+
+    /// Protection levels of the states, by slot: the smaller of two bounds. One is that of the filter ([`state_levels`]). The other is the epoch-wise
+    /// solution's of the phone, if it is reliable, about its own position: |x̂ − x| ≤ |x̂ − x̂_wls| + |x̂_wls − x|.
+    fn levels(
+        &self,
+        slots: &Slots,
+        output: &Output,
+        messages: &[Option<EpochMessage>],
+    ) -> Vec<Option<ProtectionLevels>> {
+        let mut levels = self.levels_of_states(output);
+        levels.resize(output.states.len(), None);
+        for (phone, message) in messages.iter().enumerate() {
+            let Some((slot, message)) = slots.of(phone).zip(message.as_ref()) else { continue };
+            let Some((state, level)) = output.states.get(slot).zip(levels.get_mut(slot)) else { continue };
+            let about_wls = levels_about_wls(message, state, self.time_gps);
+            *level = match (*level, about_wls) {
+                (Some(a), Some(b)) => Some(a.smaller(b)),
+                (a, b) => a.or(b),
+            };
+        }
+        levels
+    }
+
+    fn levels_of_states(&self, output: &Output) -> Vec<Option<ProtectionLevels>> {
+        let Some(faults) = self.filters.faults() else { return Vec::new() };
+        let per_phone = faults.len() / output.states.len().max(1);
+        let options = ProtectionOptions {
+            // A satellite is one possible fault, however many phones see it.
+            satellite_fault: self.options.protection.satellite_fault * per_phone as f64
+                / faults.len().max(1) as f64,
+            ..self.options.protection.clone()
+        };
+        let of = |state: &PhoneState| {
+            let covariance = state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+            state_levels(state.position(), &covariance, &faults, &options)
+        };
+        output.states.iter().map(of).collect()
     }
 
     /// Discards all states, so that the next messages may be earlier than the last ones. Phones restart from their next solutions.
@@ -373,10 +428,30 @@ fn trusted<'a>(
     Cow::Owned(trusted)
 }
 
-/// The verdict on a fused position: the phone's own, unless its measurements doubt a constraint on it.
-const fn verdict(message: &EpochMessage, is_doubted: bool) -> Verdict {
+/// Levels of a state at a time by those of the phone's reliable epoch-wise solution, which is carried to that time with the state's velocity.
+fn levels_about_wls(
+    message: &EpochMessage,
+    state: &PhoneState,
+    time_gps: GpsTime,
+) -> Option<ProtectionLevels> {
+    let (solution, levels) = message.wls.as_ref().zip(message.raim.protection)?;
+    if message.raim.verdict != Verdict::Reliable {
+        return None;
+    }
+    let carried = solution.position + EcefVector(state.velocity().0 * (time_gps - message.time_gps));
+    let apart = LocalFrame::at(carried).ecef_to_enu(state.position());
+    Some(ProtectionLevels {
+        horizontal_m: levels.horizontal_m + apart.horizontal(),
+        vertical_m: levels.vertical_m + apart.up.abs(),
+    })
+}
+
+/// The verdict on a fused position: the phone's own, unless its measurements doubt a constraint on it, or its protection levels are beyond
+/// the alarm limits.
+const fn verdict(message: &EpochMessage, is_doubted: bool, is_beyond: bool) -> Verdict {
     match message.raim.verdict {
         Verdict::Reliable if is_doubted => Verdict::Unreliable(Cause::Constraint),
+        Verdict::Reliable if is_beyond => Verdict::Unreliable(Cause::AlarmLimit),
         own => own,
     }
 }

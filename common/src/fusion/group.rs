@@ -5,7 +5,7 @@
 //! all phones share (see [`crate::filter::SharedErrors`]). With feedback, as in Peng 2023, a joint filter that goes on with the
 //! constrained state runs beside them.
 
-use nalgebra::{DMatrix, DVector, Matrix3, SMatrix};
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 
 use super::engine::EngineOptions;
 use crate::constraint::FreePhone;
@@ -104,6 +104,14 @@ impl Filters {
             }
         }
         group
+    }
+
+    /// Displacements of the phones' positions by lasting faults of one satellite (see [`JointFilter::faults`]), of all phones together: a constraint
+    /// hands the fault of one phone on to the others. `None` if nothing bounds them.
+    pub fn faults(&self) -> Option<Vec<Vector3<f64>>> {
+        let present = self.free.iter().filter(|filter| !filter.is_empty());
+        let of_each: Option<Vec<Vec<Vector3<f64>>>> = present.map(|filter| filter.faults(0)).collect();
+        of_each.map(|faults| faults.concat())
     }
 
     /// Covariances of the errors of different phones of [`Filters::free`].

@@ -97,7 +97,7 @@ fn protect(observations: &[CorrectedObservation], monitored: &mut Monitored, opt
 }
 
 /// Whether levels are beyond limits. Levels that cannot be computed are beyond any limit.
-fn exceeds(levels: Option<ProtectionLevels>, limits: AlarmLimits) -> bool {
+pub(crate) fn exceeds(levels: Option<ProtectionLevels>, limits: AlarmLimits) -> bool {
     levels.map_or_else(
         || limits != AlarmLimits::NONE,
         |levels| levels.horizontal_m > limits.horizontal_m || levels.vertical_m > limits.vertical_m,

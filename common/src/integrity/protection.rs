@@ -1,4 +1,4 @@
-//! Protection levels of the solution of one epoch.
+//! Protection levels of the solution of one epoch, and of a filter's state.
 //!
 //! **Solution separation** (ARAIM baseline algorithm: Blanch et al., "Baseline advanced RAIM user algorithm and possible improvements", IEEE TAES
 //! 51, 2015). Under each hypothesis k (a satellite is faulty, a constellation is faulty) the solution without the suspects has no fault. Its
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checks::{UNCHECKABLE, count_excluded};
 use super::options::{ProtectionOptions, RaimOptions};
-use crate::frames::LocalFrame;
+use crate::frames::{Ecef, EcefVector, LocalFrame};
 use crate::gnss::{Constellation, SatelliteId};
 use crate::measurement::CorrectedObservation;
 use crate::solve::Fit;
@@ -38,6 +38,16 @@ pub struct ProtectionLevels {
     pub horizontal_m: f64,
     /// VPL, m.
     pub vertical_m: f64,
+}
+
+impl ProtectionLevels {
+    /// The smaller of each.
+    pub(crate) const fn smaller(self, other: Self) -> Self {
+        Self {
+            horizontal_m: self.horizontal_m.min(other.horizontal_m),
+            vertical_m: self.vertical_m.min(other.vertical_m),
+        }
+    }
 }
 
 /// Levels by the largest slope.
@@ -358,6 +368,41 @@ impl Along<'_> {
         let fault_free = 2.0 * upper_tail((level_m - nominal.bias_m[axis]) / nominal.sigma_m[axis]);
         fault_free + self.modes.iter().map(of_mode).sum::<f64>()
     }
+}
+
+/// Protection levels of a filter's position; `None` if the promised probability cannot be kept.
+///
+/// Without a fault the error has the stated covariance. A lasting fault of one satellite moves the position by at most the largest of
+/// `faults` (ECEF, m), whatever its size, because robust weights bound its pull; what remains has the stated covariance too. This is
+/// the sensitivity of the filter over all its memory, not a bank of filters without each satellite. Faults of whole constellations and of two
+/// satellites at once are not monitored.
+pub fn state_levels(
+    position: Ecef,
+    covariance: &Matrix3<f64>,
+    faults: &[Vector3<f64>],
+    options: &ProtectionOptions,
+) -> Option<ProtectionLevels> {
+    let frame = LocalFrame::at(position);
+    let covariance = frame.covariance_ecef_to_enu(covariance);
+    let total = options.satellite_fault * faults.len() as f64;
+    let budget = options.misleading - 0.5 * total * total;
+    if budget <= 0.0 {
+        return None;
+    }
+    let mut largest_m = Vector3::zeros();
+    for fault in faults {
+        let moved = frame.vector_ecef_to_enu(EcefVector(*fault));
+        largest_m = largest_m.sup(&Vector3::new(moved.east, moved.north, moved.up).abs());
+    }
+    let level = |axis: usize, probability: f64| {
+        let share = probability / (faults.len() + 1) as f64;
+        let faulty = two_sided_threshold((2.0 * share / options.satellite_fault).min(1.0));
+        let sigma_m = covariance[(axis, axis)].sqrt();
+        (two_sided_threshold(share) * sigma_m).max(largest_m[axis] + faulty * sigma_m)
+    };
+    let horizontal_m = level(0, budget / 4.0).hypot(level(1, budget / 4.0));
+    let levels = ProtectionLevels { horizontal_m, vertical_m: level(2, budget / 2.0) };
+    (levels.horizontal_m.is_finite() && levels.vertical_m.is_finite()).then_some(levels)
 }
 
 /// Levels by the largest slope; `None` without redundancy, or if the error of a measurement does not show at all.

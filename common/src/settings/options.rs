@@ -64,6 +64,8 @@ impl Settings {
             constraints: self.constraints.options(),
             feedback: self.constraints.feedback,
             biased_sigmas: self.integrity.biased_satellite_sigmas,
+            protection: self.integrity.options().protection,
+            alarm_limits: self.integrity.options().alarm_limits,
         }
     }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::filter::PhoneState;
-use crate::integrity::{RaimReport, Verdict};
+use crate::integrity::{ProtectionLevels, RaimReport, Verdict};
 use crate::measurement::{CorrectedObservation, Usage};
 use crate::skips::Skips;
 use crate::solve::PointSolution;
@@ -51,6 +51,8 @@ pub struct FusedMessage {
     pub state: PhoneState,
     /// RAIM verdict of the agent for this epoch; `None` for a phone without an epoch, whose state is predicted.
     pub verdict: Option<Verdict>,
+    /// Protection levels of the position; `None` where nothing bounds its error.
+    pub protection: Option<ProtectionLevels>,
     /// Number of constraints that acted on this phone at this epoch.
     pub constraints_acted: u16,
 }

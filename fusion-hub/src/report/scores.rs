@@ -6,6 +6,7 @@ use cofix_common::accuracy::{Accuracy, Claim, Protection, Solution, Spans, Truth
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::Ecef;
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
+use cofix_common::integrity::Verdict;
 use cofix_common::time::GpsTime;
 use serde::Serialize;
 
@@ -71,6 +72,8 @@ struct PhoneScores {
     joint: Vec<Solution>,
     /// What the agent's integrity monitoring said of the epoch-wise positions.
     claims: Vec<Claim>,
+    /// What the hub said of the fused positions.
+    fused_claims: Vec<Claim>,
 }
 
 /// Collects positions and scores them at the end.
@@ -117,12 +120,15 @@ impl Scores {
             self.phones.iter().map(entry).collect()
         };
         let mut wls: ByPhone = by_phone(|scores| &scores.wls);
+        let mut joint: ByPhone = by_phone(|scores| &scores.joint);
         for scores in &self.phones {
-            if let Some(Some(accuracy)) = wls.get_mut(&scores.name) {
-                accuracy.protection = scores.protection(&self.qualities);
+            for (by_phone, claims) in [(&mut wls, &scores.claims), (&mut joint, &scores.fused_claims)] {
+                if let Some(Some(accuracy)) = by_phone.get_mut(&scores.name) {
+                    accuracy.protection = scores.protection(claims, &self.qualities);
+                }
             }
         }
-        Methods { wls, local: by_phone(|scores| &scores.local), joint: by_phone(|scores| &scores.joint) }
+        Methods { wls, local: by_phone(|scores| &scores.local), joint }
     }
 
     /// Phones that are not scored, and why.
@@ -180,13 +186,19 @@ impl PhoneScores {
             );
             self.local.extend(message.local.as_ref().map(|state| claimed(time, state)));
         }
+        self.fused_claims.extend(phone.state.as_ref().zip(phone.verdict).map(|(state, verdict)| Claim {
+            time_gps,
+            position: state.position(),
+            is_reliable: verdict == Verdict::Reliable,
+            levels: phone.protection,
+        }));
         self.joint.extend(phone.state.as_ref().map(|state| claimed(time_gps, state)));
     }
 
-    fn protection(&self, qualities: &[u8]) -> Protection {
+    fn protection(&self, claims: &[Claim], qualities: &[u8]) -> Protection {
         self.truth
             .as_ref()
-            .map_or_else(Protection::default, |truth| Protection::score(truth, qualities, &self.claims))
+            .map_or_else(Protection::default, |truth| Protection::score(truth, qualities, claims))
     }
 
     fn position_at(&self, time: GpsTime, qualities: &[u8]) -> Option<Ecef> {

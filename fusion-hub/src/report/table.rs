@@ -7,7 +7,7 @@ use cofix_common::accuracy::{Accuracy, Protection};
 use cofix_common::formats::phone::Typical;
 
 use super::{ConstraintReport, PhoneReport, Report};
-use crate::report::scores::ByPhone;
+use crate::report::scores::{ByPhone, Methods};
 
 impl Report {
     /// The accuracy table of phones that are scored, and, when some are not, a table of the counts of all phones; phones in the order of
@@ -21,7 +21,7 @@ impl Report {
         if methods.iter().any(|(_, phones)| is_scored(phones)) {
             let rows = methods.map(|(method, phones)| accuracy_rows(method, phones, names, width));
             tables.push(accuracy_header(width) + &rows.concat());
-            tables.extend(protection_table(&self.methods.wls, names, width));
+            tables.extend(protection_table(&self.methods, names, width));
         }
         if !self.unscored.is_empty() {
             let rows: String = names.iter().filter_map(|name| self.phone_row(name, width)).collect();
@@ -141,40 +141,38 @@ fn accuracy_header(width: usize) -> String {
     )
 }
 
-/// Protection levels of the epoch-wise solutions against their errors; `None` where nothing was called reliable.
-fn protection_table(phones: &ByPhone, names: &[String], width: usize) -> Option<String> {
-    let mut text = format!(
+/// Protection levels against the errors; `None` where nothing was called reliable.
+fn protection_table(methods: &Methods, names: &[String], width: usize) -> Option<String> {
+    let header = format!(
         "| method | {:width$} | reliable | HPL p50 m | HPL bounds | VPL p50 m | VPL bounds | misleading |\n\
          |:-------|:{:-<width$}-|---------:|----------:|-----------:|----------:|-----------:|-----------:|\n",
         "phone", ""
     );
-    let mut is_empty = true;
-    for name in names {
-        let Some(Some(accuracy)) = phones.get(name) else { continue };
-        let Protection {
-            hpl_p50_m,
-            vpl_p50_m,
-            hpl_bounds,
-            vpl_bounds,
-            reliable_availability,
-            misleading_epochs,
-        } = accuracy.protection;
-        let Some(misleading) = misleading_epochs else { continue };
-        is_empty = false;
-        let number = |value: Option<f64>, digits: usize| {
-            value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
-        };
-        let _ = writeln!(
-            text,
-            "| wls    | {name:width$} | {:>8} | {:>9} | {:>10} | {:>9} | {:>10} | {misleading:10} |",
-            number(reliable_availability, 3),
-            number(hpl_p50_m, 1),
-            number(hpl_bounds, 4),
-            number(vpl_p50_m, 1),
-            number(vpl_bounds, 4),
-        );
-    }
-    (!is_empty).then_some(text)
+    let rows: String = [("wls", &methods.wls), ("joint", &methods.joint)]
+        .into_iter()
+        .flat_map(|(method, phones)| names.iter().map(move |name| (method, name, phones.get(name))))
+        .filter_map(|(method, name, accuracy)| {
+            protection_row(method, name, width, &accuracy.copied()??.protection)
+        })
+        .collect();
+    (!rows.is_empty()).then_some(header + &rows)
+}
+
+fn protection_row(method: &str, name: &str, width: usize, protection: &Protection) -> Option<String> {
+    let Protection { hpl_p50_m, vpl_p50_m, hpl_bounds, vpl_bounds, reliable_availability, misleading_epochs } =
+        *protection;
+    let misleading = misleading_epochs?;
+    let number = |value: Option<f64>, digits: usize| {
+        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+    };
+    Some(format!(
+        "| {method:6} | {name:width$} | {:>8} | {:>9} | {:>10} | {:>9} | {:>10} | {misleading:10} |\n",
+        number(reliable_availability, 3),
+        number(hpl_p50_m, 1),
+        number(hpl_bounds, 4),
+        number(vpl_p50_m, 1),
+        number(vpl_bounds, 4),
+    ))
 }
 
 fn accuracy_rows(method: &str, phones: &ByPhone, names: &[String], width: usize) -> String {

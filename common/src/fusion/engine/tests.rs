@@ -60,6 +60,35 @@ fn after_a_gap_of_all_phones_nothing_stems_from_the_extrapolation() {
     assert_eq!(engine.skips().count(Reason::SilentPhoneDropped), 2);
 }
 
+/// The levels bound the errors, and are no more than a few times as large as those of single epochs; beyond alarm limits nothing is reliable.
+#[test]
+fn protection_levels_bound_the_errors_of_fused_positions() {
+    let (simulation, messages) = convoy(160.0);
+    let limits = AlarmLimits { horizontal_m: 1.0, vertical_m: 100.0 };
+    let mut usual = engine(&simulation, EngineOptions::default());
+    let mut strict = engine(&simulation, EngineOptions { alarm_limits: limits, ..EngineOptions::default() });
+    let mut plain = engine(&simulation, EngineOptions::peng2023());
+    for second in 0..150 {
+        let bucket = || messages.iter().map(|of_phone| of_phone.get(second).cloned()).collect();
+        let (epoch, strict, plain) = (usual.step(bucket()), strict.step(bucket()), plain.step(bucket()));
+        for (phone, fused) in epoch.phones.iter().enumerate().filter(|_| second > 10) {
+            let (levels, state) = (fused.protection.unwrap(), fused.state.as_ref().unwrap());
+            let truth = simulation.truth_at(phone, epoch.time_gps).position;
+            let error = LocalFrame::at(truth).ecef_to_enu(state.position());
+            assert!(
+                error.horizontal() < levels.horizontal_m && error.up.abs() < levels.vertical_m,
+                "{levels:?}"
+            );
+            let by_epoch = fused.message.as_ref().unwrap().raim.protection.unwrap();
+            assert!(levels.horizontal_m < 3.0 * by_epoch.horizontal_m, "{levels:?} {by_epoch:?}");
+            let is_reliable = |fused: &FusedPhone| fused.verdict == Some(Verdict::Reliable);
+            assert!(!is_reliable(&strict.phones[phone]), "second {second}");
+            // Pseudoranges without robust weights: no fault is bounded, and the epoch-wise levels remain.
+            assert!(plain.phones[phone].protection.is_some() || !is_reliable(fused), "second {second}");
+        }
+    }
+}
+
 #[test]
 fn a_phone_with_an_impossible_start_costs_itself_only() {
     let (simulation, mut messages) = convoy(20.0);

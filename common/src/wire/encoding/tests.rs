@@ -18,6 +18,7 @@ fn fused() -> FusedMessage {
         time_gps: message.time_gps,
         state: message.local.unwrap(),
         verdict: Some(message.raim.verdict),
+        protection: message.raim.protection,
         constraints_acted: 3,
     }
 }
