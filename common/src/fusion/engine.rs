@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use super::biased::BiasedSatellites;
 use super::doubt::{Doubt, Excess};
 use super::group::{Filters, FreeGroup, Output, Slots};
+use super::peers::{Evidence, IntegrityEvent, Peers};
 use crate::constraint::second::carry;
 use crate::constraint::{
     Constraint, ConstraintAction, ConstraintOptions, ConstraintOutcome, Distance, SkipReason, constrain,
@@ -49,6 +50,8 @@ pub struct EngineOptions {
     pub protection: ProtectionOptions,
     /// Protection levels up to which a fused position is reliable.
     pub alarm_limits: AlarmLimits,
+    /// Whether phones check each other: one that contradicts the others is isolated. Not with feedback, where one filter holds all phones.
+    pub cooperative: bool,
 }
 
 impl Default for EngineOptions {
@@ -60,6 +63,7 @@ impl Default for EngineOptions {
             biased_sigmas: 3.5,
             protection: ProtectionOptions::default(),
             alarm_limits: AlarmLimits::NONE,
+            cooperative: true,
         }
     }
 }
@@ -72,6 +76,7 @@ impl EngineOptions {
             constraints: ConstraintOptions::peng2023(),
             feedback: true,
             biased_sigmas: f64::INFINITY,
+            cooperative: false,
             ..Self::default()
         }
     }
@@ -88,6 +93,8 @@ pub struct FusedEpoch {
     pub actions: Vec<ConstraintAction>,
     /// Distances of all pairs under a distance constraint.
     pub distances: Vec<PairDistance>,
+    /// What happened to the group's integrity.
+    pub events: Vec<IntegrityEvent>,
 }
 
 /// One phone in a fused epoch.
@@ -132,6 +139,7 @@ pub struct Engine {
     biased: BiasedSatellites,
     /// One per constraint.
     excesses: Vec<Excess>,
+    peers: Peers,
     /// Time of the last fused epoch.
     time_gps: GpsTime,
     skips: Skips,
@@ -144,7 +152,8 @@ impl Engine {
         let (phones, time_gps, skips) = (phones.to_vec(), GpsTime::default(), Skips::default());
         let excesses = vec![Excess::default(); constraints.len()];
         let biased = BiasedSatellites::new(options.biased_sigmas);
-        Self { phones, constraints, options, filters, biased, excesses, time_gps, skips }
+        let peers = Peers::new(phones.len(), constraints.len(), options.cooperative && !options.feedback);
+        Self { phones, constraints, options, filters, biased, excesses, peers, time_gps, skips }
     }
 
     /// Fuses the messages of one aligned epoch, at most one per phone. Each message updates its phone's filter at its own receive time;
@@ -172,6 +181,7 @@ impl Engine {
         self.filters.predict(self.time_gps, &self.phones, &mut self.skips);
         let free = self.filters.free();
         let doubts = self.doubts(&free);
+        let events = self.compare_phones(&free, &doubts);
         let (slots, output, actions) = self.constrained(&free, &doubts);
         let doubted = self.doubted(&slots, &doubts);
         let distances = self.distances(&slots, &output);
@@ -182,7 +192,8 @@ impl Engine {
             .map(|(phone, message)| FusedPhone {
                 verdict: message.as_ref().map(|message| {
                     let protection = slots.of(phone).and_then(|slot| levels.get(slot).copied().flatten());
-                    verdict(message, doubted[phone], exceeds(protection, self.options.alarm_limits))
+                    let is_beyond = exceeds(protection, self.options.alarm_limits);
+                    verdict(message, self.suspicion(phone, doubted[phone]), is_beyond)
                 }),
                 message,
                 state: slots.of(phone).and_then(|slot| output.states.get(slot).cloned()),
@@ -191,7 +202,7 @@ impl Engine {
                 update: updates.get(phone).copied().flatten(),
             })
             .collect();
-        FusedEpoch { time_gps: self.time_gps, phones, actions, distances }
+        FusedEpoch { time_gps: self.time_gps, phones, actions, distances, events }
     }
 
     /// Protection levels of the states, by slot: the smaller of two bounds. One is that of the filter ([`state_levels`]). The other is the epoch-wise
@@ -272,6 +283,37 @@ impl Engine {
         taken.map(|(excess, sigmas)| (sigmas, excess.take(sigmas, self.time_gps, limit))).collect()
     }
 
+    /// Lets the phones check each other by the constraints in force.
+    fn compare_phones(&mut self, free: &FreeGroup, doubts: &[(f64, Doubt)]) -> Vec<IntegrityEvent> {
+        let in_force: Vec<usize> = self.in_force(free.slots()).map(|(place, _)| place).collect();
+        let evidence: Vec<Evidence<'_>> = in_force
+            .into_iter()
+            .filter_map(|place| {
+                let (phones, (_, doubt)) =
+                    (self.constraints.get(place)?.constraint.phones(), doubts.get(place)?);
+                Some(Evidence { place, phones, doubt: *doubt })
+            })
+            .collect();
+        self.peers.take(self.time_gps, &evidence)
+    }
+
+    /// Why a phone's state is suspect, if it is.
+    fn suspicion(&self, phone: usize, is_doubted: bool) -> Option<Cause> {
+        if self.peers.is_apart(phone) {
+            Some(Cause::Peers)
+        } else if is_doubted {
+            Some(Cause::Constraint)
+        } else {
+            None
+        }
+    }
+
+    /// Whether a constraint couples a phone that is isolated, or suspected, to another.
+    fn is_cut(&self, place: usize) -> bool {
+        let phones = self.constraints.get(place).map_or(&[][..], |scheduled| scheduled.constraint.phones());
+        phones.len() > 1 && phones.iter().any(|phone| self.peers.is_apart(*phone))
+    }
+
     /// Applies the constraints in force that are not contradicted to the joint filter, if there is one, and else to the phones' own.
     fn constrained(
         &mut self,
@@ -312,7 +354,7 @@ impl Engine {
             if *doubt == Doubt::Contradicted {
                 let value = value(&constraint).unwrap_or(f64::NAN);
                 chosen.contradicted.extend(self.contradiction(place, *sigmas, value));
-            } else {
+            } else if !self.is_cut(place) {
                 chosen.places.push((place, *sigmas));
                 chosen.on_slots.push(constraint);
             }
@@ -361,8 +403,11 @@ impl Engine {
         let mut doubted = vec![false; self.phones.len()];
         for (place, _) in self.in_force(slots) {
             if doubts.get(place).is_some_and(|(_, doubt)| *doubt >= Doubt::Doubted) {
-                for phone in self.constraints[place].constraint.phones() {
-                    doubted[*phone] = true;
+                // What an isolated phone contradicts says nothing against the others.
+                if !self.is_cut(place) {
+                    for phone in self.constraints[place].constraint.phones() {
+                        doubted[*phone] = true;
+                    }
                 }
             }
         }
@@ -446,13 +491,13 @@ fn levels_about_wls(
     })
 }
 
-/// The verdict on a fused position: the phone's own, unless its measurements doubt a constraint on it, or its protection levels are beyond
+/// The verdict on a fused position: the phone's own, unless it contradicts the others or a constraint on it, or its protection levels are beyond
 /// the alarm limits.
-const fn verdict(message: &EpochMessage, is_doubted: bool, is_beyond: bool) -> Verdict {
-    match message.raim.verdict {
-        Verdict::Reliable if is_doubted => Verdict::Unreliable(Cause::Constraint),
-        Verdict::Reliable if is_beyond => Verdict::Unreliable(Cause::AlarmLimit),
-        own => own,
+const fn verdict(message: &EpochMessage, suspicion: Option<Cause>, is_beyond: bool) -> Verdict {
+    match (message.raim.verdict, suspicion) {
+        (Verdict::Reliable, Some(cause)) => Verdict::Unreliable(cause),
+        (Verdict::Reliable, None) if is_beyond => Verdict::Unreliable(Cause::AlarmLimit),
+        (own, _) => own,
     }
 }
 

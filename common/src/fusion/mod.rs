@@ -5,3 +5,4 @@ mod biased;
 mod doubt;
 pub mod engine;
 mod group;
+pub mod peers;

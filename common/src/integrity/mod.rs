@@ -59,6 +59,8 @@ pub enum Cause {
     Geometry,
     /// What is known about the phones contradicts the phone's own measurements.
     Constraint,
+    /// The phone contradicts the other phones of its group, which agree with each other.
+    Peers,
     /// A protection level is beyond its alarm limit.
     AlarmLimit,
     /// The global test fails, and so it does after all permitted exclusions.
@@ -78,6 +80,7 @@ impl fmt::Display for Verdict {
             Self::Unreliable(Cause::InsufficientRedundancy) => "unreliable: insufficient redundancy",
             Self::Unreliable(Cause::Geometry) => "unreliable: geometry",
             Self::Unreliable(Cause::Constraint) => "unreliable: contradicts a constraint",
+            Self::Unreliable(Cause::Peers) => "unreliable: contradicts the other phones",
             Self::Unreliable(Cause::AlarmLimit) => "unreliable: alarm limit",
             Self::Unreliable(Cause::TestsFailed) => "unreliable: tests failed",
             Self::Unreliable(Cause::Inseparable) => "unreliable: faults cannot be told apart",

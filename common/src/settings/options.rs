@@ -66,6 +66,7 @@ impl Settings {
             biased_sigmas: self.integrity.biased_satellite_sigmas,
             protection: self.integrity.options().protection,
             alarm_limits: self.integrity.options().alarm_limits,
+            cooperative: self.integrity.cooperative,
         }
     }
 
@@ -127,7 +128,7 @@ impl Settings {
                 code: CodeVariance::of(stochastic.code),
                 rate: RateVariance::of(stochastic.rate),
             },
-            integrity: IntegritySettings::of(&pipeline.raim, engine.biased_sigmas),
+            integrity: IntegritySettings::of(&pipeline.raim, engine),
             filter: FilterSettings::of(&engine.filter),
             constraints: ConstraintSettings::of(&engine.constraints, engine.feedback),
             alignment: AlignmentSettings::of(AlignOptions::default()),
@@ -230,7 +231,7 @@ impl RateVariance {
 }
 
 impl IntegritySettings {
-    fn of(options: &RaimOptions, biased_satellite_sigmas: f64) -> Self {
+    fn of(options: &RaimOptions, engine: &EngineOptions) -> Self {
         let DopLimits { pdop, hdop, vdop } = options.dop_limits;
         Self {
             method: options.method,
@@ -249,7 +250,8 @@ impl IntegritySettings {
             missed_detection: options.protection.detectable.missed_detection(),
             nominal_bias_m: options.protection.nominal_bias_m,
             ionosphere_share: options.protection.ionosphere_share,
-            biased_satellite_sigmas,
+            biased_satellite_sigmas: engine.biased_sigmas,
+            cooperative: engine.cooperative,
             maximum_pdop: pdop,
             maximum_hdop: hdop,
             maximum_vdop: vdop,

@@ -257,6 +257,8 @@ tables! {
         ionosphere_share: f64 = ["no unit", 0.0..=10.0];
         /// The hub leaves out a satellite whose residuals, averaged over all phones and a minute, exceed this; inf leaves none out.
         biased_satellite_sigmas: f64 = ["standard deviations", 1.0..=f64::INFINITY];
+        /// Whether the hub lets the phones check each other: one that contradicts the others through the constraints between them is isolated.
+        cooperative: bool = ["switch", ()];
         /// PDOP up to which a position is called reliable.
         maximum_pdop: f64 = ["no unit", 1.0..=f64::INFINITY];
         /// HDOP up to which a position is called reliable.

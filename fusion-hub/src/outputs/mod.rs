@@ -160,6 +160,7 @@ impl Outputs {
             common_epochs: self.tally.common_epochs,
             same_observations: self.tally.same_observations(),
             constraints: self.tally.constraints(),
+            integrity_events: self.tally.events(),
             ..Report::default()
         }
     }

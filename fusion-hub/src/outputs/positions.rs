@@ -161,6 +161,7 @@ mod tests {
             phones: vec![FusedPhone { message, state, verdict, ..FusedPhone::default() }],
             actions: vec![],
             distances: vec![],
+            events: vec![],
         }
     }
 

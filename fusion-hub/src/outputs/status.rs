@@ -132,6 +132,7 @@ mod tests {
             ],
             actions: vec![action],
             distances: Vec::new(),
+            events: Vec::new(),
         }
     }
 

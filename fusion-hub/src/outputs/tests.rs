@@ -66,7 +66,13 @@ fn outputs() -> (Outputs, Arc<Mutex<Vec<String>>>) {
 
 fn epoch(second: f64) -> FusedEpoch {
     let time_gps = GpsTime::from_week_tow(2118, second);
-    FusedEpoch { time_gps, phones: Vec::new(), actions: Vec::new(), distances: Vec::new() }
+    FusedEpoch {
+        time_gps,
+        phones: Vec::new(),
+        actions: Vec::new(),
+        distances: Vec::new(),
+        events: Vec::new(),
+    }
 }
 
 #[test]

@@ -13,6 +13,7 @@ mod tally;
 use std::collections::BTreeMap;
 
 use cofix_common::formats::phone::Typical;
+use cofix_common::fusion::peers::EventKind;
 use cofix_common::skips::Skips;
 use serde::Serialize;
 
@@ -64,8 +65,23 @@ pub struct Report {
     pub same_observations: Vec<SameObservations>,
     /// Counts of each constraint, whether in force or not, by a key of its kind and phones.
     pub constraints: BTreeMap<String, ConstraintReport>,
+    /// What happened to the group's integrity, in order of time.
+    pub integrity_events: Vec<EventReport>,
     /// Skipped, and of no phone.
     pub skips: Skips,
+}
+
+/// An event of the group's integrity.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct EventReport {
+    /// Time, GPS time.
+    pub time_gps: String,
+    /// The phone, or the phones with commas between.
+    pub phone: String,
+    /// What happened.
+    pub kind: EventKind,
+    /// In words.
+    pub detail: String,
 }
 
 /// The program that wrote a report.

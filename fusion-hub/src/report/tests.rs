@@ -29,7 +29,7 @@ fn epoch(seconds: f64, verdict: Verdict, actions: Vec<ConstraintAction>) -> Fuse
         },
         FusedPhone { message: None, state: Some(state()), ..FusedPhone::default() },
     ];
-    FusedEpoch { time_gps, phones, actions, distances: Vec::new() }
+    FusedEpoch { time_gps, phones, actions, distances: Vec::new(), events: Vec::new() }
 }
 
 /// On the equator, with standard deviations of 3 m east, 4 m north and 2 m up.
@@ -171,7 +171,13 @@ fn one_recording_for_two_phones_is_noticed() {
         for second in 0..3_u32 {
             let phones = vec![receiver("b", 0.0), receiver("a", offset_m)];
             let time_gps = GpsTime::from_week_tow(2118, f64::from(second));
-            tally.push(&FusedEpoch { time_gps, phones, actions: Vec::new(), distances: Vec::new() });
+            tally.push(&FusedEpoch {
+                time_gps,
+                phones,
+                actions: Vec::new(),
+                distances: Vec::new(),
+                events: Vec::new(),
+            });
         }
         let same: Vec<_> =
             tally.same_observations().into_iter().map(|same| (same.phones, same.epochs)).collect();

@@ -93,6 +93,7 @@ impl Session {
                 phones,
                 actions: self.actions(index, &mut noise),
                 distances: self.distances(&mut noise),
+                events: Vec::new(),
             }
         })
     }

@@ -240,6 +240,7 @@ const fn level(verdict: Verdict) -> &'static str {
         | Verdict::Unreliable(Cause::Geometry | Cause::AlarmLimit | Cause::Constraint) => TextLogLevel::WARN,
         Verdict::Unreliable(
             Cause::InsufficientRedundancy
+            | Cause::Peers
             | Cause::TestsFailed
             | Cause::Inseparable
             | Cause::Tie
