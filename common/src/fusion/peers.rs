@@ -1,6 +1,6 @@
 //! Phones check each other: which phone contradicts the others, or which constraint is wrong.
 //!
-//! The evidence are the contradictions between the phones' own filters and the constraints on pairs (see [`super::doubt`]), which last for seconds
+//! The evidence are the contradictions between the phones' own filters and the constraints on pairs (module `doubt`), which last for seconds
 //! before they count. A phone that contradicts at least two others, and is part of every contradiction and every doubt, is named and isolated: no
 //! constraint couples it to the others until it agrees with them again for ten seconds. Where no single phone explains the contradictions, the group cannot tell. A bound that
 //! contradicts phones which agree with each other otherwise is wrong itself.
