@@ -14,7 +14,7 @@ use crate::constraint::{
 use crate::filter::{FilterOptions, PhoneState, UpdateReport};
 use crate::frames::{EcefVector, LocalFrame};
 use crate::integrity::{
-    AlarmLimits, Cause, ProtectionLevels, ProtectionOptions, Verdict, exceeds, state_levels,
+    AlarmLimits, Cause, ProtectionLevels, ProtectionOptions, SatelliteFaults, Verdict, exceeds, state_levels,
 };
 use crate::measurement::CorrectedObservation;
 use crate::skips::{Reason, Skips};
@@ -229,16 +229,11 @@ impl Engine {
 
     fn levels_of_states(&self, output: &Output) -> Vec<Option<ProtectionLevels>> {
         let Some(faults) = self.filters.faults() else { return Vec::new() };
-        let per_phone = faults.len() / output.states.len().max(1);
-        let options = ProtectionOptions {
-            // A satellite is one possible fault, however many phones see it.
-            satellite_fault: self.options.protection.satellite_fault * per_phone as f64
-                / faults.len().max(1) as f64,
-            ..self.options.protection.clone()
-        };
+        let Some(first) = output.states.first() else { return Vec::new() };
+        let faults = SatelliteFaults::new(first.position(), output.states.len(), &faults);
         let of = |state: &PhoneState| {
             let covariance = state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-            state_levels(state.position(), &covariance, &faults, &options)
+            state_levels(state.position(), &covariance, &faults, &self.options.protection)
         };
         output.states.iter().map(of).collect()
     }

@@ -33,7 +33,7 @@ mod subset;
 pub(crate) use monitor::exceeds;
 pub use monitor::{Monitored, solve_with_raim, velocity_report};
 pub use options::{AlarmLimits, DopLimits, Method, ProtectionOptions, RaimOptions};
-pub use protection::{ProtectionLevels, SlopeLevels, state_levels};
+pub use protection::{ProtectionLevels, SatelliteFaults, SlopeLevels, state_levels};
 
 use std::fmt;
 

@@ -370,35 +370,51 @@ impl Along<'_> {
     }
 }
 
+/// What lasting faults of single satellites do to the positions of a group at most.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SatelliteFaults {
+    /// Largest displacement by one satellite, east, north and up, m.
+    largest_m: Vector3<f64>,
+    /// Number of satellites.
+    satellites: f64,
+}
+
+impl SatelliteFaults {
+    /// Of displacements (ECEF, m) of some phones, each by each satellite. Phones of a group are so near to each other that one local frame, at
+    /// `near`, serves for all.
+    pub fn new(near: Ecef, phones: usize, faults: &[Vector3<f64>]) -> Self {
+        let frame = LocalFrame::at(near);
+        let largest_m = faults.iter().fold(Vector3::zeros(), |largest: Vector3<f64>, fault| {
+            let moved = frame.vector_ecef_to_enu(EcefVector(*fault));
+            largest.sup(&Vector3::new(moved.east, moved.north, moved.up).abs())
+        });
+        Self { largest_m, satellites: faults.len() as f64 / phones.max(1) as f64 }
+    }
+}
+
 /// Protection levels of a filter's position; `None` if the promised probability cannot be kept.
 ///
 /// Without a fault the error has the stated covariance. A lasting fault of one satellite moves the position by at most the largest of
-/// `faults` (ECEF, m), whatever its size, because robust weights bound its pull; what remains has the stated covariance too. This is
+/// `faults`, whatever its size, because robust weights bound its pull; what remains has the stated covariance too. This is
 /// the sensitivity of the filter over all its memory, not a bank of filters without each satellite. Faults of whole constellations and of two
 /// satellites at once are not monitored.
 pub fn state_levels(
     position: Ecef,
     covariance: &Matrix3<f64>,
-    faults: &[Vector3<f64>],
+    faults: &SatelliteFaults,
     options: &ProtectionOptions,
 ) -> Option<ProtectionLevels> {
-    let frame = LocalFrame::at(position);
-    let covariance = frame.covariance_ecef_to_enu(covariance);
-    let total = options.satellite_fault * faults.len() as f64;
+    let covariance = LocalFrame::at(position).covariance_ecef_to_enu(covariance);
+    let total = options.satellite_fault * faults.satellites;
     let budget = options.misleading - 0.5 * total * total;
     if budget <= 0.0 {
         return None;
     }
-    let mut largest_m = Vector3::zeros();
-    for fault in faults {
-        let moved = frame.vector_ecef_to_enu(EcefVector(*fault));
-        largest_m = largest_m.sup(&Vector3::new(moved.east, moved.north, moved.up).abs());
-    }
     let level = |axis: usize, probability: f64| {
-        let share = probability / (faults.len() + 1) as f64;
+        let share = probability / (faults.satellites + 1.0);
         let faulty = two_sided_threshold((2.0 * share / options.satellite_fault).min(1.0));
         let sigma_m = covariance[(axis, axis)].sqrt();
-        (two_sided_threshold(share) * sigma_m).max(largest_m[axis] + faulty * sigma_m)
+        (two_sided_threshold(share) * sigma_m).max(faults.largest_m[axis] + faulty * sigma_m)
     };
     let horizontal_m = level(0, budget / 4.0).hypot(level(1, budget / 4.0));
     let levels = ProtectionLevels { horizontal_m, vertical_m: level(2, budget / 2.0) };
