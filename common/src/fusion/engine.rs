@@ -189,17 +189,19 @@ impl Engine {
         let phones = messages
             .into_iter()
             .enumerate()
-            .map(|(phone, message)| FusedPhone {
-                verdict: message.as_ref().map(|message| {
-                    let protection = slots.of(phone).and_then(|slot| levels.get(slot).copied().flatten());
-                    let is_beyond = exceeds(protection, self.options.alarm_limits);
-                    verdict(message, self.suspicion(phone, doubted[phone]), is_beyond)
-                }),
-                message,
-                state: slots.of(phone).and_then(|slot| output.states.get(slot).cloned()),
-                protection: slots.of(phone).and_then(|slot| levels.get(slot).copied().flatten()),
-                free: free.slots().of(phone).and_then(|slot| free.state(slot)),
-                update: updates.get(phone).copied().flatten(),
+            .map(|(phone, message)| {
+                let protection = slots.of(phone).and_then(|slot| levels.get(slot).copied().flatten());
+                FusedPhone {
+                    verdict: message.as_ref().map(|message| {
+                        let is_beyond = exceeds(protection, self.options.alarm_limits);
+                        verdict(message, self.suspicion(phone, doubted[phone]), is_beyond)
+                    }),
+                    message,
+                    state: slots.of(phone).and_then(|slot| output.states.get(slot).cloned()),
+                    protection,
+                    free: free.slots().of(phone).and_then(|slot| free.state(slot)),
+                    update: updates.get(phone).copied().flatten(),
+                }
             })
             .collect();
         FusedEpoch { time_gps: self.time_gps, phones, actions, distances, events }

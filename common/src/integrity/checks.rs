@@ -20,11 +20,19 @@ pub(super) fn geometry_verdict(dops: Option<Dops>, limits: DopLimits) -> Verdict
     }
 }
 
-/// D against χ²(1 − P_fa, m − n); `None` without redundancy.
+/// The global test of a position's residuals; `None` without redundancy.
 pub(super) fn global_test(fit: &Fit, options: &RaimOptions) -> Option<GlobalTest> {
-    let degrees_of_freedom = fit.degrees_of_freedom();
+    test_of(fit.weighted_square_sum(), fit.degrees_of_freedom(), options)
+}
+
+/// A weighted square sum D of residuals against χ²(1 − P_fa, m − n); `None` without redundancy.
+pub(super) fn test_of(
+    statistic: f64,
+    degrees_of_freedom: usize,
+    options: &RaimOptions,
+) -> Option<GlobalTest> {
     (degrees_of_freedom > 0).then(|| GlobalTest {
-        statistic: fit.weighted_square_sum(),
+        statistic,
         threshold: options.global.threshold(degrees_of_freedom),
         degrees_of_freedom: u16::try_from(degrees_of_freedom).unwrap_or(u16::MAX),
     })

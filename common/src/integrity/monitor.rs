@@ -1,12 +1,10 @@
 //! One epoch: solution, exclusion, verdict, protection levels.
 
-use super::checks::{count_excluded, geometry_verdict, global_test, mark, usages};
+use super::checks::{count_excluded, geometry_verdict, global_test, mark, test_of, usages};
 use super::group_exclusion::exclude_group;
 use super::options::{AlarmLimits, Method, RaimOptions};
 use super::protection::{separation_levels, slope_levels};
-use super::{
-    Cause, GlobalTest, ProtectionLevels, RaimReport, VelocityReport, Verdict, forward_backward, subset,
-};
+use super::{Cause, ProtectionLevels, RaimReport, VelocityReport, Verdict, forward_backward, subset};
 use crate::frames::Ecef;
 use crate::measurement::CorrectedObservation;
 use crate::solve::{Fit, RateFit, SolveError, solve_position};
@@ -108,11 +106,7 @@ pub(crate) fn exceeds(levels: Option<ProtectionLevels>, limits: AlarmLimits) -> 
 /// had to go than redundant ones are left; or not to be checked.
 pub fn velocity_report(fit: &RateFit, options: &RaimOptions) -> VelocityReport {
     let dof = fit.degrees_of_freedom;
-    let global_test = (dof > 0).then(|| GlobalTest {
-        statistic: fit.weighted_square_sum,
-        threshold: options.global.threshold(dof),
-        degrees_of_freedom: u16::try_from(dof).unwrap_or(u16::MAX),
-    });
+    let global_test = test_of(fit.weighted_square_sum, dof, options);
     let verdict = match global_test {
         None => Verdict::CannotBeChecked,
         Some(test) if test.passes() && fit.excluded <= dof => Verdict::Reliable,

@@ -48,6 +48,11 @@ impl ProtectionLevels {
             vertical_m: self.vertical_m.min(other.vertical_m),
         }
     }
+
+    /// The levels, if both are finite.
+    fn finite(self) -> Option<Self> {
+        (self.horizontal_m.is_finite() && self.vertical_m.is_finite()).then_some(self)
+    }
 }
 
 /// Levels by the largest slope.
@@ -106,7 +111,7 @@ pub(super) fn separation_levels(
     let vertical = Quantiles::new(budget / 2.0, modes.len(), priors);
     let horizontal_m = level(0, &horizontal).hypot(level(1, &horizontal));
     let levels = ProtectionLevels { horizontal_m, vertical_m: level(2, &vertical) };
-    (levels.horizontal_m.is_finite() && levels.vertical_m.is_finite()).then_some(levels)
+    levels.finite()
 }
 
 /// Factor on the stated standard deviations of the measurements: the ratio of the residuals to what the stochastic model expects, where it is above
@@ -418,7 +423,7 @@ pub fn state_levels(
     };
     let horizontal_m = level(0, budget / 4.0).hypot(level(1, budget / 4.0));
     let levels = ProtectionLevels { horizontal_m, vertical_m: level(2, budget / 2.0) };
-    (levels.horizontal_m.is_finite() && levels.vertical_m.is_finite()).then_some(levels)
+    levels.finite()
 }
 
 /// Levels by the largest slope; `None` without redundancy, or if the error of a measurement does not show at all.

@@ -59,13 +59,14 @@ impl Settings {
 
     /// Options of the joint estimator.
     pub fn engine(&self) -> EngineOptions {
+        let raim = self.integrity.options();
         EngineOptions {
             filter: self.filter.options(),
             constraints: self.constraints.options(),
             feedback: self.constraints.feedback,
             biased_sigmas: self.integrity.biased_satellite_sigmas,
-            protection: self.integrity.options().protection,
-            alarm_limits: self.integrity.options().alarm_limits,
+            protection: raim.protection,
+            alarm_limits: raim.alarm_limits,
             cooperative: self.integrity.cooperative,
         }
     }

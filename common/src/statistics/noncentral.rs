@@ -87,7 +87,7 @@ pub fn detectable_noncentrality(false_alarm: f64, missed_detection: f64, dof: us
     high
 }
 
-/// Detectable noncentralities of one pair of probabilities. Each takes a millisecond, and is computed once for up to 64 degrees of freedom.
+/// Detectable noncentralities of one pair of probabilities. Each is computed once, for up to 64 degrees of freedom.
 #[derive(Clone, Debug)]
 pub struct DetectableNoncentrality {
     false_alarm: f64,

@@ -93,12 +93,4 @@ impl ConstraintKind for Distance {
     }
 }
 
-impl BoundedLength for Distance {
-    fn bounded(&self, vector: &Vector3<f64>, _frame: &LocalFrame) -> Vector3<f64> {
-        *vector
-    }
-
-    fn rows_along(&self, at: &Quantity<'_>, direction: &Vector3<f64>) -> Rows {
-        self.bounds().shell_along(at, direction)
-    }
-}
+impl BoundedLength for Distance {}

@@ -91,13 +91,18 @@ pub trait ConstraintKind {
     fn bounds_in_words(&self) -> String;
 }
 
-/// A vector with a bounded length that is linear in the constraint's vector.
-pub trait BoundedLength {
+/// A vector with a bounded length that is linear in the constraint's vector; by default it is that vector.
+pub trait BoundedLength: ConstraintKind {
     /// The vector of bounded length for the constraint's vector, or its change for a change of that.
-    fn bounded(&self, vector: &Vector3<f64>, frame: &LocalFrame) -> Vector3<f64>;
+    fn bounded(&self, vector: &Vector3<f64>, frame: &LocalFrame) -> Vector3<f64> {
+        let _ = frame;
+        *vector
+    }
 
     /// The rows for a linearisation along `direction`, a unit vector. The first row is that along the direction.
-    fn rows_along(&self, at: &Quantity<'_>, direction: &Vector3<f64>) -> Rows;
+    fn rows_along(&self, at: &Quantity<'_>, direction: &Vector3<f64>) -> Rows {
+        self.bounds().shell_along(at, direction)
+    }
 }
 
 /// Distribution of a constraint's vector, with what its rows depend on.

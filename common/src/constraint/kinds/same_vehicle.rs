@@ -84,12 +84,4 @@ impl ConstraintKind for SameVehicle {
     }
 }
 
-impl BoundedLength for SameVehicle {
-    fn bounded(&self, vector: &Vector3<f64>, _frame: &LocalFrame) -> Vector3<f64> {
-        *vector
-    }
-
-    fn rows_along(&self, at: &Quantity<'_>, direction: &Vector3<f64>) -> Rows {
-        self.bounds().shell_along(at, direction)
-    }
-}
+impl BoundedLength for SameVehicle {}
