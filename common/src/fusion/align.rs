@@ -29,7 +29,8 @@
 //! frequent calls of [`Aligner::go_on`]:
 //!
 //! - **No message waits for a phone longer than W after its arrival.** After W the missing phones are left behind: the group does not wait
-//!   for them until they are on time again, and their messages for times already fused are counted and dropped.
+//!   for them until they are on time again, and their messages for times already fused are counted and dropped. A phone that is on time by
+//!   the hub's clock is not left behind for a message that came before its time: that message is fused without it.
 //! - Two kinds of messages are not a current position and may wait longer: messages of a finished phone, and messages of a phone that
 //!   delivered more than [`UNPACED_SPEED`] · W of epochs within the last W (a recording read at full speed, or a history being fetched).
 //!   They wait as long as each missing phone delivers a fusable message at least every W.
@@ -268,9 +269,7 @@ impl Aligner {
     }
 
     fn next(&self) -> Next {
-        let absent = |(_, track): &(usize, &Track)| {
-            track.presence == Presence::Running && track.queue.is_empty() && !track.ahead
-        };
+        let absent = |(_, track): &(usize, &Track)| track.is_awaited() && track.queue.is_empty();
         let absent: Vec<usize> =
             self.tracks.iter().enumerate().filter(absent).map(|(phone, _)| phone).collect();
         if absent.is_empty() { self.members() } else { Next::Blocked(absent) }
@@ -316,7 +315,7 @@ impl Aligner {
             let Some(track) = self.tracks.get(phone) else { continue };
             match track.time(1) {
                 Some(next) if next - time < after_s => return Decision::End,
-                None if track.presence == Presence::Running && !track.ahead => return Decision::Wait(phone),
+                None if track.is_awaited() => return Decision::Wait(phone),
                 _ => {}
             }
         }
@@ -351,6 +350,7 @@ impl Aligner {
                 *slot = Some(waiting.message);
             }
         }
+        self.tracks.iter_mut().for_each(|track| track.excused = false);
         if let (true, Some(time), Some(arrived)) = (self.live, self.fused_to_gps, arrived) {
             self.fused.push_back(FusedBucket { time, arrived });
         }

@@ -184,7 +184,8 @@ impl Aligner {
         })
     }
 
-    /// Ends a wait that is too long: either the blocking phone is left behind, or the waiting phone is ahead of the group.
+    /// Ends a wait that is too long: the waiting phone is ahead of the group, or its message came before its time and is fused without
+    /// the blocking phone, or the blocking phone is left behind.
     fn resolve_wait(&mut self, blocker: usize, waiting: usize) {
         let blocker_time = self.current_time(blocker);
         let waiting_time = self.tracks.get(waiting).and_then(Track::newest);
@@ -194,9 +195,27 @@ impl Aligner {
             && self.has_more_support(behind, ahead)
         {
             self.note_ahead(waiting, ahead - behind);
+        } else if blocker_time.is_some() && self.came_early(waiting, blocker) {
+            if let Some(track) = self.tracks.get_mut(blocker) {
+                track.excused = true;
+            }
         } else {
             self.leave_behind(blocker, blocker_time, waiting_time);
         }
+    }
+
+    /// Whether, by the hub's clock, the blocking phone is on time and the first message of the waiting phone came before its time, and by
+    /// more than the blocking phone is off.
+    fn came_early(&self, waiting: usize, blocker: usize) -> bool {
+        let Clock { now, wall_gps: Some(wall) } = self.clock else { return false };
+        let lead_s =
+            |time: GpsTime, arrived: Duration| time - wall + now.saturating_sub(arrived).as_secs_f64();
+        let head = self.tracks.get(waiting).and_then(|track| track.queue.front());
+        let head_s = head.map(|head| lead_s(head.message.time_gps, head.arrived));
+        let last = self.tracks.get(blocker).and_then(|track| track.last_confirmed);
+        let blocker_s = last.map(|last| lead_s(last.time, last.arrived).abs());
+        let wait_s = self.options.maximum_wait.as_secs_f64();
+        blocker_s.zip(head_s).is_some_and(|(off_s, lead_s)| off_s <= wait_s && off_s < lead_s)
     }
 
     fn note_ahead(&mut self, phone: usize, lead_s: f64) {

@@ -327,6 +327,27 @@ fn a_phone_far_ahead_waits_and_does_not_stop_the_others() {
 }
 
 #[test]
+fn a_message_that_comes_before_its_time_leaves_nobody_behind() {
+    let mut live = Live::with_clock(2);
+    for tenth in 0..100_u32 {
+        let now_s = f64::from(tenth) / 10.0;
+        match tenth {
+            5 => live.say(1, 0.5, now_s),
+            // This one waits for phone 0 until 5.9 s, which is between the epochs of phone 0.
+            9 => live.say(1, 5.4, now_s),
+            58 => live.say(1, 5.8, now_s),
+            60 => live.say(1, 9.6, now_s - 0.05),
+            _ => {}
+        }
+        if tenth.is_multiple_of(10) {
+            live.say(0, now_s, now_s);
+        }
+    }
+    assert_eq!((live.fused_of(0), live.told()), (10, vec![]));
+    assert_eq!(live.fused_of(1), 3, "the last one waits");
+}
+
+#[test]
 fn a_phone_far_behind_the_majority_does_not_stop_the_others() {
     for (behind_s, speed) in [(3_600.0, 1.0), (3_600.0, 20.0), (86_400.0, 1.0), (100.0, 1.0)] {
         let mut live = Live::of(3);

@@ -95,12 +95,19 @@ pub(super) struct Track {
     pub(super) ahead_since: Duration,
     /// Whether the phone was left behind and has not been on time since.
     pub(super) left_behind: bool,
+    /// Whether the next bucket does not wait for the phone, because the message that waits came before its time.
+    pub(super) excused: bool,
     pub(super) skips: Skips,
 }
 
 impl Track {
     pub(super) fn time(&self, position: usize) -> Option<GpsTime> {
         self.queue.get(position).map(|received| received.message.time_gps)
+    }
+
+    /// Whether the next bucket waits for the phone.
+    pub(super) fn is_awaited(&self) -> bool {
+        self.presence == Presence::Running && !self.ahead && !self.excused
     }
 
     /// Latest confirmed time; after the agent left, that of the waiting messages only.
