@@ -204,7 +204,13 @@ impl PhonePipeline {
         let time_gps = self.receive_time(tag_gps, wls.as_ref(), report.verdict);
         let changes_since_gps = self.range_changes(time_gps, &mut observations, &carriers, wls.as_ref());
         let solution = wls.as_ref().map(|solution| (solution, report.verdict));
-        self.filter(&PhoneEpoch { time_gps, observations: &observations, changes_since_gps, wls: solution });
+        self.filter(&PhoneEpoch {
+            time_gps,
+            observations: &observations,
+            changes_since_gps,
+            wls: solution,
+            tests: None,
+        });
         let message = EpochMessage {
             phone: self.phone.clone(),
             sequence: self.sequence,

@@ -1,7 +1,7 @@
 //! One epoch of one phone in a filter: prediction, comparison, start, update, and the ends of states that are not worth going on with.
 
 use super::{JointFilter, Start, UpdateReport};
-use crate::integrity::Verdict;
+use crate::integrity::{RaimOptions, Verdict};
 use crate::measurement::CorrectedObservation;
 use crate::solve::PointSolution;
 use crate::time::GpsTime;
@@ -17,6 +17,8 @@ pub struct PhoneEpoch<'a> {
     pub changes_since_gps: Option<GpsTime>,
     /// Solution of the epoch and RAIM's verdict on it.
     pub wls: Option<(&'a PointSolution, Verdict)>,
+    /// Tests of the innovations; `None`: they are not tested.
+    pub tests: Option<&'a RaimOptions>,
 }
 
 /// What became of an epoch in a filter.
@@ -71,7 +73,7 @@ impl JointFilter {
                 self.forget_position(slot);
                 self.slots[slot].is_tied = changes.kept >= FEWEST_TYING;
                 let (change_nis, change_rows) = (change.nis, change.rows);
-                let others = self.update(slot, epoch.observations);
+                let others = self.update_tested(slot, epoch.observations, epoch.tests);
                 update = Some(UpdateReport { changes, change_nis, change_rows, ..others });
             }
             _ => {}

@@ -152,8 +152,8 @@ mod tests {
         for (k, observations) in epochs.iter().enumerate().skip(1) {
             let time_gps = at(interval_s, k);
             let changes_since_gps = Some(at(interval_s, k - 1));
-            let admitted =
-                filter.admit(0, &PhoneEpoch { time_gps, observations, changes_since_gps, wls: None });
+            let admitted = filter
+                .admit(0, &PhoneEpoch { time_gps, observations, changes_since_gps, wls: None, tests: None });
             assert_eq!(admitted.update.unwrap().changes.kept, observations.len());
         }
         filter
@@ -304,7 +304,8 @@ mod tests {
         let after_a_lost_message = |changes_since_gps| {
             let mut filter = filtered(1.0, &epochs[..2]);
             let observations = &epochs[3];
-            let epoch = PhoneEpoch { time_gps: at(1.0, 3), observations, changes_since_gps, wls: None };
+            let epoch =
+                PhoneEpoch { time_gps: at(1.0, 3), observations, changes_since_gps, wls: None, tests: None };
             let update = filter.admit(0, &epoch).update.unwrap();
             (filter, update.changes)
         };
@@ -321,7 +322,8 @@ mod tests {
         let (mut both, mut alone) = (JointFilter::new(PLAIN), JointFilter::new(PLAIN));
         for (k, observations) in epochs.iter().enumerate() {
             let changes_since_gps = k.checked_sub(1).map(|before| at(1.0, before));
-            let mut epoch = PhoneEpoch { time_gps: at(1.0, k), observations, changes_since_gps, wls: None };
+            let mut epoch =
+                PhoneEpoch { time_gps: at(1.0, k), observations, changes_since_gps, wls: None, tests: None };
             if k == 0 {
                 both.insert(1, epoch.time_gps, &start());
                 both.keep_position(0);

@@ -4,7 +4,7 @@
 //! of the whole receiver. With weights w and the mean h̄ = Σwh/Σw the information without the clock is (A, b), A = Σw h̃h̃ᵀ, h̃ = h − h̄. With
 //! A = LLᵀ the rows z = L⁻¹b, H = Lᵀ have unit noise, and are at most as many as the states.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Dyn, StorageMut, Vector, Vector3};
 
 /// Information below this fraction of the rows' total is rounding error.
 const NEGLIGIBLE: f64 = 1e-12;
@@ -97,7 +97,8 @@ impl Information {
 }
 
 impl Measured {
-    fn add_to(&self, sum: &mut DVector<f64>, factor: f64) {
+    /// Adds the partial derivatives with respect to all unknowns, times a factor.
+    pub fn add_to<S: StorageMut<f64, Dyn>>(&self, sum: &mut Vector<f64, Dyn, S>, factor: f64) {
         for (element, h) in sum.iter_mut().zip(self.h.iter()) {
             *element += factor * h;
         }

@@ -11,6 +11,7 @@ use super::joint::Kept;
 use super::weights::{reweight, reweight_delayed};
 use super::{FilterOptions, JointFilter};
 use crate::frames::Ecef;
+use crate::integrity::{Innovations, RaimOptions, TestReport};
 use crate::measurement::{CorrectedObservation, Usage};
 use crate::solve::elimination::Row;
 use crate::solve::groups::ClockGroups;
@@ -50,6 +51,8 @@ pub struct UpdateReport {
     pub change_nis: f64,
     /// Number of independent rows in [`UpdateReport::change_nis`].
     pub change_rows: usize,
+    /// Test of all pseudoranges against the prediction, under their nominal weights; `None` if it was not asked for, or RAIM's selection counts.
+    pub test: Option<TestReport>,
 }
 
 impl UpdateReport {
@@ -77,6 +80,16 @@ impl JointFilter {
     /// By default the observations include those excluded by the phone's own RAIM: the filter judges them by their innovations. A vague
     /// prediction, as after half a minute, judges nothing, and then RAIM's selection counts.
     pub fn update(&mut self, slot: usize, observations: &[CorrectedObservation]) -> UpdateReport {
+        self.update_tested(slot, observations, None)
+    }
+
+    /// [`JointFilter::update`] with tests of the innovations.
+    pub(super) fn update_tested(
+        &mut self,
+        slot: usize,
+        observations: &[CorrectedObservation],
+        tests: Option<&RaimOptions>,
+    ) -> UpdateReport {
         if slot >= self.len() {
             return UpdateReport::default();
         }
@@ -86,7 +99,7 @@ impl JointFilter {
         let is_offered = |o: &&CorrectedObservation| !only_used || o.usage == Usage::Used;
         let offered: Vec<&CorrectedObservation> = observations.iter().filter(is_offered).collect();
         let position = self.position(slot);
-        let (codes, code) = self.update_codes(slot, position, &offered);
+        let (codes, code, test) = self.update_codes(slot, position, &offered, tests.filter(|_| !only_used));
         let (rates, rate, stands) = if self.options.use_rates {
             self.update_rates(slot, position, &offered)
         } else {
@@ -104,6 +117,7 @@ impl JointFilter {
             code_rows,
             rate_nis,
             rate_rows,
+            test,
             ..UpdateReport::default()
         }
     }
@@ -113,7 +127,8 @@ impl JointFilter {
         slot: usize,
         position: Ecef,
         observations: &[&CorrectedObservation],
-    ) -> (Kept, Innovation) {
+        tests: Option<&RaimOptions>,
+    ) -> (Kept, Innovation, Option<TestReport>) {
         let groups = ClockGroups::of(observations.iter().copied());
         let code: Vec<Row> = observations.iter().map(|o| code_row(o, position, &groups)).collect();
         self.prepare_biases(slot, &groups, &code);
@@ -138,6 +153,7 @@ impl JointFilter {
         let mut rows: Vec<Measured> = code.iter().zip(observations).map(row).collect();
         let states: Vec<usize> =
             (known.at..known.at + 3).chain(known.first_bias()..known.behind_biases()).collect();
+        let test = tests.and_then(|tests| self.innovations(&states, &rows, observations)?.test(tests));
         let prior = self.prior(states[0]);
         let robust = self.options.robust;
         let pull = |row: &Measured| {
@@ -167,7 +183,25 @@ impl JointFilter {
             consider.update(&Block { states: &states, root, gain, noise, shared: Some(shared) });
             consider.take_pulls(&states, &rows, &sensitive, &pulls);
         }
-        (kept(&factors), innovation)
+        (kept(&factors), innovation, test)
+    }
+
+    /// The innovations of some rows about these states under the nominal noise of the observations and the covariance that is stated.
+    fn innovations(
+        &self,
+        states: &[usize],
+        rows: &[Measured],
+        observations: &[&CorrectedObservation],
+    ) -> Option<Innovations> {
+        let mut partials = DMatrix::zeros(states.len(), rows.len());
+        for (row, mut column) in rows.iter().zip(partials.column_iter_mut()) {
+            row.add_to(&mut column, 1.0);
+        }
+        let stated = self.stated();
+        let prior = DMatrix::from_fn(states.len(), states.len(), |i, j| stated[(states[i], states[j])]);
+        let innovations_m = rows.iter().map(|row| row.y).collect();
+        let weights = observations.iter().map(|o| o.pseudorange_sigma_m.powi(-2)).collect();
+        Innovations::new(&partials, prior, innovations_m, weights)
     }
 
     fn update_rates(

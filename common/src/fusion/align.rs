@@ -233,7 +233,8 @@ impl Aligner {
 
     /// Whether the group waits for the phone.
     pub fn awaits(&self, phone: usize) -> bool {
-        self.tracks.get(phone).is_some_and(|track| track.presence == Presence::Running && !track.ahead)
+        let is_awaited = |track: &Track| track.is_awaited() || track.presence == Presence::Excused;
+        self.tracks.get(phone).is_some_and(is_awaited)
     }
 
     /// Maximum waiting time of a message.
@@ -350,7 +351,9 @@ impl Aligner {
                 *slot = Some(waiting.message);
             }
         }
-        self.tracks.iter_mut().for_each(|track| track.excused = false);
+        for excused in self.tracks.iter_mut().filter(|track| track.presence == Presence::Excused) {
+            excused.presence = Presence::Running;
+        }
         if let (true, Some(time), Some(arrived)) = (self.live, self.fused_to_gps, arrived) {
             self.fused.push_back(FusedBucket { time, arrived });
         }

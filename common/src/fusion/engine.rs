@@ -14,7 +14,7 @@ use crate::constraint::{
 use crate::filter::{FilterOptions, PhoneState, UpdateReport};
 use crate::frames::{EcefVector, LocalFrame};
 use crate::integrity::{
-    AlarmLimits, Cause, ProtectionLevels, ProtectionOptions, SatelliteFaults, Verdict, exceeds, state_levels,
+    Cause, ProtectionLevels, RaimOptions, SatelliteFaults, Verdict, exceeds, state_levels,
 };
 use crate::measurement::CorrectedObservation;
 use crate::skips::{Reason, Skips};
@@ -46,10 +46,8 @@ pub struct EngineOptions {
     /// Limit, in standard deviations, of the averaged residual of a satellite that all phones contradict; see the module `biased`. Infinite: no
     /// satellite is left out.
     pub biased_sigmas: f64,
-    /// What the protection levels of the fused positions promise.
-    pub protection: ProtectionOptions,
-    /// Protection levels up to which a fused position is reliable.
-    pub alarm_limits: AlarmLimits,
+    /// Tests of the innovations, protection levels of the fused positions and their alarm limits.
+    pub integrity: RaimOptions,
     /// Whether phones check each other: one that contradicts the others is isolated. Not with feedback, where one filter holds all phones.
     pub cooperative: bool,
 }
@@ -61,8 +59,7 @@ impl Default for EngineOptions {
             constraints: ConstraintOptions::default(),
             feedback: false,
             biased_sigmas: 3.5,
-            protection: ProtectionOptions::default(),
-            alarm_limits: AlarmLimits::NONE,
+            integrity: RaimOptions::default(),
             cooperative: true,
         }
     }
@@ -106,8 +103,8 @@ pub struct FusedPhone {
     pub state: Option<PhoneState>,
     /// State at the common time without any constraint.
     pub free: Option<PhoneState>,
-    /// The verdict on the fused state: that of the message, and unreliable where the phone's measurements doubt a constraint on it; `None`
-    /// without a message.
+    /// The verdict on the fused state: that of the test of its innovations, or of the message where there is none, and unreliable where the
+    /// phone contradicts a constraint or the others, or its levels are beyond the alarm limits; `None` without a message.
     pub verdict: Option<Verdict>,
     /// Protection levels of the fused position; `None` where nothing bounds its error.
     pub protection: Option<ProtectionLevels>,
@@ -191,16 +188,19 @@ impl Engine {
             .enumerate()
             .map(|(phone, message)| {
                 let protection = slots.of(phone).and_then(|slot| levels.get(slot).copied().flatten());
+                let update = updates.get(phone).copied().flatten();
+                let test = update.and_then(|update: UpdateReport| update.test);
                 FusedPhone {
                     verdict: message.as_ref().map(|message| {
-                        let is_beyond = exceeds(protection, self.options.alarm_limits);
-                        verdict(message, self.suspicion(phone, doubted[phone]), is_beyond)
+                        let own = test.map_or(message.raim.verdict, |test| test.verdict);
+                        let is_beyond = exceeds(protection, self.options.integrity.alarm_limits);
+                        verdict(own, self.suspicion(phone, doubted[phone]), is_beyond)
                     }),
                     message,
                     state: slots.of(phone).and_then(|slot| output.states.get(slot).cloned()),
                     protection,
                     free: free.slots().of(phone).and_then(|slot| free.state(slot)),
-                    update: updates.get(phone).copied().flatten(),
+                    update,
                 }
             })
             .collect();
@@ -235,7 +235,7 @@ impl Engine {
         let faults = SatelliteFaults::new(first.position(), output.states.len(), &faults);
         let of = |state: &PhoneState| {
             let covariance = state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-            state_levels(state.position(), &covariance, &faults, &self.options.protection)
+            state_levels(state.position(), &covariance, &faults, &self.options.integrity.protection)
         };
         output.states.iter().map(of).collect()
     }
@@ -488,10 +488,10 @@ fn levels_about_wls(
     })
 }
 
-/// The verdict on a fused position: the phone's own, unless it contradicts the others or a constraint on it, or its protection levels are beyond
-/// the alarm limits.
-const fn verdict(message: &EpochMessage, suspicion: Option<Cause>, is_beyond: bool) -> Verdict {
-    match (message.raim.verdict, suspicion) {
+/// The verdict on a fused position: that of its measurements, unless the phone contradicts the others or a constraint on it, or its protection
+/// levels are beyond the alarm limits.
+const fn verdict(own: Verdict, suspicion: Option<Cause>, is_beyond: bool) -> Verdict {
+    match (own, suspicion) {
         (Verdict::Reliable, Some(cause)) => Verdict::Unreliable(cause),
         (Verdict::Reliable, None) if is_beyond => Verdict::Unreliable(Cause::AlarmLimit),
         (own, _) => own,

@@ -10,7 +10,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 use super::engine::EngineOptions;
 use crate::constraint::FreePhone;
 use crate::constraint::second::Between;
-use crate::filter::{JointFilter, PhoneEpoch, PhoneState, STATES_PER_PHONE, Unsound, UpdateReport};
+use crate::filter::{Admitted, JointFilter, PhoneEpoch, PhoneState, STATES_PER_PHONE, Unsound, UpdateReport};
+use crate::integrity::RaimOptions;
 use crate::skips::{Reason, Skips};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
@@ -21,6 +22,8 @@ pub(super) struct Filters {
     free: Vec<JointFilter>,
     /// With feedback: the filter over all phones that goes on with the constrained state.
     fed_back: Option<JointFilter>,
+    /// Tests of the innovations.
+    tests: RaimOptions,
 }
 
 /// The phones that have a state, each with a filter of its own, without constraints. A phone's place among them is its slot.
@@ -56,7 +59,8 @@ type PhoneMatrix = SMatrix<f64, STATES_PER_PHONE, STATES_PER_PHONE>;
 impl Filters {
     pub fn new(phones: usize, options: &EngineOptions) -> Self {
         let free = (0..phones).map(|_| JointFilter::new(options.filter)).collect();
-        Self { free, fed_back: options.feedback.then(|| JointFilter::new(options.filter)) }
+        let fed_back = options.feedback.then(|| JointFilter::new(options.filter));
+        Self { free, fed_back, tests: options.integrity.clone() }
     }
 
     /// Takes the message of a phone. Returns what its filter made of it, unless it started the phone.
@@ -69,11 +73,24 @@ impl Filters {
     ) -> Option<UpdateReport> {
         let mut uncounted = Skips::default();
         let free = self.free.get_mut(phone)?;
+        let wls = message.wls.as_ref().map(|solution| (solution, message.raim.verdict));
+        let epoch = PhoneEpoch {
+            time_gps: message.time_gps,
+            observations: &message.observations,
+            changes_since_gps: message.changes_since_gps,
+            wls,
+            tests: Some(&self.tests),
+        };
+        let name = &message.phone;
         if let Some(joint) = &mut self.fed_back {
-            admit(free, phone, message, names, &mut uncounted);
-            admit(joint, phone, message, names, skips)
+            count(&free.admit(phone, &epoch), name, &epoch, names, &mut uncounted);
+            let admitted = joint.admit(phone, &epoch);
+            count(&admitted, name, &epoch, names, skips);
+            admitted.update
         } else {
-            admit(free, phone, message, names, skips)
+            let admitted = free.admit(phone, &epoch);
+            count(&admitted, name, &epoch, names, skips);
+            admitted.update
         }
     }
 
@@ -205,25 +222,9 @@ impl Output {
     }
 }
 
-/// Takes a message into a filter, and counts what became of it.
-fn admit(
-    filter: &mut JointFilter,
-    phone: usize,
-    message: &EpochMessage,
-    names: &[String],
-    skips: &mut Skips,
-) -> Option<UpdateReport> {
-    let (name, time_gps) = (&message.phone, message.time_gps);
-    let wls = message.wls.as_ref().map(|solution| (solution, message.raim.verdict));
-    let admitted = filter.admit(
-        phone,
-        &PhoneEpoch {
-            time_gps,
-            observations: &message.observations,
-            changes_since_gps: message.changes_since_gps,
-            wls,
-        },
-    );
+/// Counts what became of an epoch in a filter.
+fn count(admitted: &Admitted, name: &str, epoch: &PhoneEpoch<'_>, names: &[String], skips: &mut Skips) {
+    let time_gps = epoch.time_gps;
     if let Some(late_s) = admitted.late_s {
         skips.add(Reason::EpochBeforeFilterTime, || format!("{name} at {time_gps}, {late_s:.3} s late"));
     }
@@ -240,7 +241,6 @@ fn admit(
     if admitted.unsound == Unsound::All {
         skips.add(Reason::JointFilterRestarted, unsound);
     }
-    admitted.update
 }
 
 /// Counts phones that were removed since their silence was too long for prediction.

@@ -38,9 +38,77 @@ pub(super) fn test_of(
     })
 }
 
+/// Residuals of an adjustment, with what the tests need to know of them.
+pub(super) trait Residuals {
+    /// Number of residuals.
+    fn count(&self) -> usize;
+    /// A residual, m.
+    fn residual_m(&self, i: usize) -> f64;
+    /// Element of the residuals' covariance, m².
+    fn covariance(&self, i: usize, j: usize) -> f64;
+    /// Weight of a measurement, 1/m².
+    fn weight(&self, i: usize) -> f64;
+    /// The global test of all residuals; `None` without redundancy.
+    fn global_test(&self, options: &RaimOptions) -> Option<GlobalTest>;
+}
+
+impl Residuals for Fit {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn residual_m(&self, i: usize) -> f64 {
+        self.residual_m(i)
+    }
+
+    fn covariance(&self, i: usize, j: usize) -> f64 {
+        self.residual_covariance(i, j)
+    }
+
+    fn weight(&self, i: usize) -> f64 {
+        self.weight(i)
+    }
+
+    fn global_test(&self, options: &RaimOptions) -> Option<GlobalTest> {
+        global_test(self, options)
+    }
+}
+
+/// Excludes one measurement after another until the global test passes: that with the largest normalised residual, if it fails the local test
+/// and can be separated from the others. `without` solves without the measurement of a residual. Returns the last adjustment and the verdict
+/// on it.
+pub(super) fn forward<R: Residuals>(
+    mut fit: R,
+    options: &RaimOptions,
+    mut without: impl FnMut(&R, usize) -> Option<R>,
+) -> (R, Verdict) {
+    let mut excluded = 0;
+    let verdict = loop {
+        let Some(test) = fit.global_test(options) else { break Verdict::CannotBeChecked };
+        if test.passes() {
+            break Verdict::Reliable;
+        }
+        if test.degrees_of_freedom < 2 {
+            break Verdict::Unreliable(Cause::InsufficientRedundancy);
+        }
+        if excluded >= options.maximum_exclusions {
+            break Verdict::Unreliable(Cause::TestsFailed);
+        }
+        let index = match suspect(&fit, options) {
+            Suspect::Found(index) => index,
+            Suspect::Inseparable => break Verdict::Unreliable(Cause::Inseparable),
+            Suspect::None => break Verdict::Unreliable(Cause::TestsFailed),
+        };
+        let Some(next) = without(&fit, index) else { break Verdict::Unreliable(Cause::TestsFailed) };
+        excluded += 1;
+        fit = next;
+    };
+    (fit, verdict)
+}
+
 /// Result of the local tests.
-pub(super) enum Suspect {
-    /// Index of the observation to exclude.
+enum Suspect {
+    /// Index of the residual whose measurement is to be excluded.
     Found(usize),
     /// The largest residual belongs to one of several that cannot be told apart.
     Inseparable,
@@ -50,11 +118,11 @@ pub(super) enum Suspect {
 
 /// The observation with the largest |w_i| = |r_i|/√(C_v)_ii that fails the local test, unless its correlation with another failing observation
 /// makes the two inseparable.
-pub(super) fn suspect(fit: &Fit, options: &RaimOptions) -> Suspect {
+fn suspect(fit: &impl Residuals, options: &RaimOptions) -> Suspect {
     let threshold = two_sided_threshold(options.local_false_alarm);
-    let mut failing: Vec<(usize, f64)> = (0..fit.len())
+    let mut failing: Vec<(usize, f64)> = (0..fit.count())
         .filter_map(|i| {
-            let variance = fit.residual_covariance(i, i);
+            let variance = fit.covariance(i, i);
             let checkable = variance * fit.weight(i) > UNCHECKABLE;
             let w = fit.residual_m(i).abs() / variance.sqrt();
             (checkable && w > threshold).then_some((i, w))
@@ -65,14 +133,14 @@ pub(super) fn suspect(fit: &Fit, options: &RaimOptions) -> Suspect {
     if others.iter().any(|other| correlation(fit, worst.0, other.0) >= options.separability) {
         Suspect::Inseparable
     } else {
-        Suspect::Found(fit.observation(worst.0))
+        Suspect::Found(worst.0)
     }
 }
 
 /// |(WC_vW)_ij| / √((WC_vW)_ii (WC_vW)_jj); the diagonal W cancels.
-fn correlation(fit: &Fit, i: usize, j: usize) -> f64 {
-    let scale = fit.residual_covariance(i, i) * fit.residual_covariance(j, j);
-    fit.residual_covariance(i, j).abs() / scale.sqrt()
+fn correlation(fit: &impl Residuals, i: usize, j: usize) -> f64 {
+    let scale = fit.covariance(i, i) * fit.covariance(j, j);
+    fit.covariance(i, j).abs() / scale.sqrt()
 }
 
 /// Usage of all observations.

@@ -1,48 +1,34 @@
 //! Exclusion of one measurement after another, and their way back (Cappello 2023, section 2.2; Baarda's local test).
 
-use super::checks::{Suspect, geometry_verdict, global_test, suspect};
+use super::Verdict;
+use super::checks::{forward, geometry_verdict, global_test};
 use super::options::RaimOptions;
-use super::{Cause, Verdict};
 use crate::measurement::{CorrectedObservation, Usage};
 use crate::solve::{Fit, solve_position};
 
 /// A solution that fails the global test, and the verdict on it after exclusions. Excluded observations are marked in place.
 ///
-/// Forward: while the global test fails, the measurement with the largest normalised residual that fails the local test and can be separated
-/// from the others is excluded. Backward: if it passes in the end and more than one was excluded, each is put back, the one that fits best
+/// Forward: [`forward`]. Backward: if it passes in the end and more than one was excluded, each is put back, the one that fits best
 /// first, and stays if the test still passes.
 pub(super) fn exclude(
     observations: &mut [CorrectedObservation],
-    mut fit: Fit,
+    fit: Fit,
     options: &RaimOptions,
 ) -> (Fit, Verdict) {
     let mut excluded = Vec::new();
-    let verdict = loop {
-        let Some(test) = global_test(&fit, options) else { break Verdict::CannotBeChecked };
-        if test.passes() {
-            break Verdict::Reliable;
-        }
-        if test.degrees_of_freedom < 2 {
-            break Verdict::Unreliable(Cause::InsufficientRedundancy);
-        }
-        if excluded.len() >= options.maximum_exclusions {
-            break Verdict::Unreliable(Cause::TestsFailed);
-        }
-        let index = match suspect(&fit, options) {
-            Suspect::Found(index) => index,
-            Suspect::Inseparable => break Verdict::Unreliable(Cause::Inseparable),
-            Suspect::None => break Verdict::Unreliable(Cause::TestsFailed),
-        };
+    let (fit, verdict) = forward(fit, options, |fit, residual| {
+        let index = fit.observation(residual);
         observations[index].usage = Usage::Excluded;
-        let Ok(next) = solve_position(observations, fit.position()) else {
+        let next = solve_position(observations, fit.position());
+        if next.is_ok() {
+            excluded.push(index);
+        } else {
             observations[index].usage = Usage::Used;
-            break Verdict::Unreliable(Cause::TestsFailed);
-        };
-        excluded.push(index);
-        fit = next;
-    };
+        }
+        next.ok()
+    });
     if verdict == Verdict::Reliable && excluded.len() > 1 {
-        fit = put_back(observations, &excluded, fit, options);
+        return (put_back(observations, &excluded, fit, options), verdict);
     }
     (fit, verdict)
 }

@@ -25,11 +25,13 @@
 mod checks;
 mod forward_backward;
 mod group_exclusion;
+mod innovations;
 mod monitor;
 mod options;
 mod protection;
 mod subset;
 
+pub(crate) use innovations::Innovations;
 pub(crate) use monitor::exceeds;
 pub use monitor::{Monitored, solve_with_raim, velocity_report};
 pub use options::{AlarmLimits, DopLimits, Method, ProtectionOptions, RaimOptions};
@@ -105,17 +107,17 @@ pub struct RaimReport {
     /// Levels by the largest slope; `None` where they cannot be computed.
     pub slope: Option<SlopeLevels>,
     /// Tests of the velocity; `None` without one.
-    pub velocity: Option<VelocityReport>,
+    pub velocity: Option<TestReport>,
 }
 
-/// Verdict on the velocity of an epoch, by its range rates.
+/// Verdict by a test of residuals: on the velocity of an epoch by its range rates, or on a predicted state by its innovations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct VelocityReport {
+pub struct TestReport {
     /// The verdict.
     pub verdict: Verdict,
-    /// Global test of the range rates in use, if there was redundancy.
+    /// Global test of the measurements that are not excluded, if there was redundancy.
     pub global_test: Option<GlobalTest>,
-    /// Number of excluded range rates.
+    /// Number of excluded measurements.
     pub excluded: u16,
 }
 

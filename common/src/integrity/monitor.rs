@@ -4,7 +4,7 @@ use super::checks::{count_excluded, geometry_verdict, global_test, mark, test_of
 use super::group_exclusion::exclude_group;
 use super::options::{AlarmLimits, Method, RaimOptions};
 use super::protection::{separation_levels, slope_levels};
-use super::{Cause, ProtectionLevels, RaimReport, VelocityReport, Verdict, forward_backward, subset};
+use super::{Cause, ProtectionLevels, RaimReport, TestReport, Verdict, forward_backward, subset};
 use crate::frames::Ecef;
 use crate::measurement::CorrectedObservation;
 use crate::solve::{Fit, RateFit, SolveError, solve_position};
@@ -104,7 +104,7 @@ pub(crate) fn exceeds(levels: Option<ProtectionLevels>, limits: AlarmLimits) -> 
 
 /// Verdict on a velocity by the global test of its range rates: reliable; unreliable if the range rates in use contradict each other, or if more
 /// had to go than redundant ones are left; or not to be checked.
-pub fn velocity_report(fit: &RateFit, options: &RaimOptions) -> VelocityReport {
+pub fn velocity_report(fit: &RateFit, options: &RaimOptions) -> TestReport {
     let dof = fit.degrees_of_freedom;
     let global_test = test_of(fit.weighted_square_sum, dof, options);
     let verdict = match global_test {
@@ -112,7 +112,7 @@ pub fn velocity_report(fit: &RateFit, options: &RaimOptions) -> VelocityReport {
         Some(test) if test.passes() && fit.excluded <= dof => Verdict::Reliable,
         Some(_) => Verdict::Unreliable(Cause::TestsFailed),
     };
-    VelocityReport { verdict, global_test, excluded: u16::try_from(fit.excluded).unwrap_or(u16::MAX) }
+    TestReport { verdict, global_test, excluded: u16::try_from(fit.excluded).unwrap_or(u16::MAX) }
 }
 
 #[cfg(test)]

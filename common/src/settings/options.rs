@@ -59,14 +59,12 @@ impl Settings {
 
     /// Options of the joint estimator.
     pub fn engine(&self) -> EngineOptions {
-        let raim = self.integrity.options();
         EngineOptions {
             filter: self.filter.options(),
             constraints: self.constraints.options(),
             feedback: self.constraints.feedback,
             biased_sigmas: self.integrity.biased_satellite_sigmas,
-            protection: raim.protection,
-            alarm_limits: raim.alarm_limits,
+            integrity: self.integrity.options(),
             cooperative: self.integrity.cooperative,
         }
     }

@@ -11,7 +11,7 @@ const MAGIC: [u8; 2] = *b"CX";
 const HEADER_BYTES: usize = 5;
 
 /// Version of the layout of all messages. A change of any message's fields needs a new version.
-pub const WIRE_VERSION: u16 = 5;
+pub const WIRE_VERSION: u16 = 6;
 
 /// Maximum length of a message, header included, bytes. An epoch of 60 signals takes about 14 KiB.
 pub const MAXIMUM_MESSAGE_BYTES: usize = 256 * 1024;

@@ -6,7 +6,7 @@ use super::EpochMessage;
 use crate::filter::PhoneState;
 use crate::frames::{Direction, Ecef, EcefVector};
 use crate::gnss::{ClockGroup, Constellation, SatelliteId, SignalCode};
-use crate::integrity::{GlobalTest, ProtectionLevels, RaimReport, SlopeLevels, VelocityReport, Verdict};
+use crate::integrity::{GlobalTest, ProtectionLevels, RaimReport, SlopeLevels, TestReport, Verdict};
 use crate::measurement::{CorrectedObservation, RangeChange, RangeRate, SharedError, Usage};
 use crate::solve::{Dops, PointSolution, VelocitySolution};
 use crate::time::GpsTime;
@@ -62,7 +62,7 @@ pub(super) fn message(count: u8) -> EpochMessage {
             excluded: 1,
             protection: Some(ProtectionLevels { horizontal_m: 14.0, vertical_m: 21.0 }),
             slope: Some(SlopeLevels { horizontal_m: 12.0, vertical_m: 17.0, arp_m: 8.0 }),
-            velocity: Some(VelocityReport {
+            velocity: Some(TestReport {
                 verdict: Verdict::Reliable,
                 global_test: Some(GlobalTest { statistic: 3.5, threshold: 22.5, degrees_of_freedom: 6 }),
                 excluded: 0,

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::filter::PhoneState;
-use crate::integrity::{ProtectionLevels, RaimReport, Verdict};
+use crate::integrity::{ProtectionLevels, RaimReport, TestReport, Verdict};
 use crate::measurement::{CorrectedObservation, Usage};
 use crate::skips::Skips;
 use crate::solve::PointSolution;
@@ -49,8 +49,10 @@ pub struct FusedMessage {
     pub time_gps: GpsTime,
     /// State after fusion and constraints.
     pub state: PhoneState,
-    /// RAIM verdict of the agent for this epoch; `None` for a phone without an epoch, whose state is predicted.
+    /// Verdict on this state (see [`crate::fusion::engine::FusedPhone::verdict`]); `None` for a phone without an epoch, whose state is predicted.
     pub verdict: Option<Verdict>,
+    /// Test of the epoch's pseudoranges against the prediction; `None` where there is none.
+    pub test: Option<TestReport>,
     /// Protection levels of the position; `None` where nothing bounds its error.
     pub protection: Option<ProtectionLevels>,
     /// Number of constraints that acted on this phone at this epoch.

@@ -10,7 +10,7 @@
 //! | `sigma_north_m`, `sigma_east_m`, `sigma_up_m` | standard deviations of the position |
 //! | `sigma_velocity_north_mps`, `…_east_…`, `…_up_…` | standard deviations of the velocity |
 //! | `satellites` | in use by the phone's own solution; empty without an epoch |
-//! | `verdict` | of the phone's RAIM on its own solution, and unreliable where its measurements doubt a constraint; empty without an epoch |
+//! | `verdict` | on the fused position: that of its innovations, and unreliable where the phone contradicts a constraint or the others; empty without an epoch |
 //! | `method` | `joint` |
 //!
 //! The rows of one phone are a truth table (see [`cofix_common::accuracy::Truth::parse_csv`]).

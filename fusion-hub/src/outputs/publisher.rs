@@ -27,6 +27,7 @@ fn message(epoch: &FusedEpoch, index: usize, name: &str) -> Option<FusedMessage>
         time_gps: epoch.time_gps,
         state: phone.state.clone()?,
         verdict: phone.verdict,
+        test: phone.update.and_then(|update| update.test),
         protection: phone.protection,
         constraints_acted: u16::try_from(acted).unwrap_or(u16::MAX),
     })

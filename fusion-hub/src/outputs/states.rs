@@ -28,6 +28,8 @@ struct Line<'a> {
     position_covariance_enu_m2: [[f64; 3]; 3],
     satellites: Option<usize>,
     verdict: Option<String>,
+    protection_level_horizontal_m: Option<f64>,
+    protection_level_vertical_m: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -95,5 +97,7 @@ fn line<'a>(time_gps: GpsTime, name: &'a str, phone: &FusedPhone, state: &PhoneS
         ],
         satellites: message.map(EpochMessage::satellites_used),
         verdict: phone.verdict.map(|verdict| verdict.to_string()),
+        protection_level_horizontal_m: phone.protection.map(|levels| levels.horizontal_m),
+        protection_level_vertical_m: phone.protection.map(|levels| levels.vertical_m),
     }
 }

@@ -1,6 +1,7 @@
 //! What the filter made of a phone's measurements.
 
 use cofix_common::filter::UpdateReport;
+use cofix_common::integrity::Verdict;
 use serde::Serialize;
 
 /// Counts and mean normalised innovations of a phone's filter without constraints.
@@ -28,6 +29,12 @@ pub struct FilterReport {
     pub rate_nis_per_row: Option<f64>,
     /// The same of the changes of range.
     pub change_nis_per_row: Option<f64>,
+    /// Updates at which all pseudoranges were tested against the prediction.
+    pub tested: u64,
+    /// Those at which they do not agree, after exclusions either.
+    pub tests_failed: u64,
+    /// Pseudoranges that these tests excluded.
+    pub codes_excluded: u64,
     #[serde(skip)]
     code_rows: u64,
     #[serde(skip)]
@@ -47,6 +54,11 @@ impl FilterReport {
         self.standing += u64::from(update.stands);
         self.changes += update.changes.offered as u64;
         self.changes_unused += (update.changes.offered - update.changes.kept) as u64;
+        if let Some(test) = update.test {
+            self.tested += 1;
+            self.tests_failed += u64::from(test.verdict != Verdict::Reliable);
+            self.codes_excluded += u64::from(test.excluded);
+        }
         self.code_rows += update.code_rows as u64;
         self.change_rows += update.change_rows as u64;
         self.rate_rows += update.rate_rows as u64;
@@ -65,6 +77,7 @@ impl FilterReport {
 #[cfg(test)]
 mod tests {
     use cofix_common::filter::Kept;
+    use cofix_common::integrity::{Cause, TestReport};
 
     use super::*;
 
@@ -79,7 +92,14 @@ mod tests {
         let mut report = FilterReport::default();
         report.push(&update(9, 3.0, 3));
         report.push(&update(6, 10.0, 2));
-        assert_eq!((report.updates, report.codes, report.codes_rejected), (2, 20, 5));
+        let test = |verdict, excluded| {
+            let test = Some(TestReport { verdict, global_test: None, excluded });
+            UpdateReport { test, ..UpdateReport::default() }
+        };
+        report.push(&test(Verdict::Reliable, 1));
+        report.push(&test(Verdict::Unreliable(Cause::TestsFailed), 3));
+        assert_eq!((report.tested, report.tests_failed, report.codes_excluded), (2, 1, 4));
+        assert_eq!((report.updates - report.tested, report.codes, report.codes_rejected), (2, 20, 5));
         assert_eq!((report.code_nis_per_row, report.rate_nis_per_row), (Some(13.0 / 5.0), None));
     }
 }

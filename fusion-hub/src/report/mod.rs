@@ -132,7 +132,7 @@ pub struct PhoneReport {
     pub vertical_sigma_m: Option<Typical>,
     /// Epochs by the agent's integrity verdict.
     pub verdicts: BTreeMap<String, u64>,
-    /// Epochs by the verdict on the fused position: the agent's, and unreliable where measurements doubt a constraint.
+    /// Epochs by the verdict on the fused position (see [`cofix_common::fusion::engine::FusedPhone::verdict`]).
     pub fused_verdicts: BTreeMap<String, u64>,
     /// What the filter without constraints made of the measurements.
     pub filter: FilterReport,

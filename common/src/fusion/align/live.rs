@@ -197,7 +197,7 @@ impl Aligner {
             self.note_ahead(waiting, ahead - behind);
         } else if blocker_time.is_some() && self.came_early(waiting, blocker) {
             if let Some(track) = self.tracks.get_mut(blocker) {
-                track.excused = true;
+                track.presence = Presence::Excused;
             }
         } else {
             self.leave_behind(blocker, blocker_time, waiting_time);

@@ -29,6 +29,8 @@ pub(super) enum Presence {
     /// Buckets wait for the phone.
     #[default]
     Running,
+    /// The next bucket does not wait for the phone, because the message that waits came before its time; later ones do.
+    Excused,
     /// Left behind or absent; its next message on time makes it running.
     Away,
     /// The phone delivers no more messages.
@@ -95,8 +97,6 @@ pub(super) struct Track {
     pub(super) ahead_since: Duration,
     /// Whether the phone was left behind and has not been on time since.
     pub(super) left_behind: bool,
-    /// Whether the next bucket does not wait for the phone, because the message that waits came before its time.
-    pub(super) excused: bool,
     pub(super) skips: Skips,
 }
 
@@ -107,7 +107,7 @@ impl Track {
 
     /// Whether the next bucket waits for the phone.
     pub(super) fn is_awaited(&self) -> bool {
-        self.presence == Presence::Running && !self.ahead && !self.excused
+        self.presence == Presence::Running && !self.ahead
     }
 
     /// Latest confirmed time; after the agent left, that of the waiting messages only.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::constraint::Speed;
 use crate::frames::LocalFrame;
+use crate::integrity::{AlarmLimits, RaimReport};
 use crate::pipeline::{PhonePipeline, PipelineOptions};
 use crate::simulation::{PhoneOptions, Scenario, Simulation};
 use crate::skips::Reason;
@@ -66,7 +67,8 @@ fn protection_levels_bound_the_errors_of_fused_positions() {
     let (simulation, messages) = convoy(160.0);
     let limits = AlarmLimits { horizontal_m: 1.0, vertical_m: 100.0 };
     let mut usual = engine(&simulation, EngineOptions::default());
-    let mut strict = engine(&simulation, EngineOptions { alarm_limits: limits, ..EngineOptions::default() });
+    let integrity = RaimOptions { alarm_limits: limits, ..RaimOptions::default() };
+    let mut strict = engine(&simulation, EngineOptions { integrity, ..EngineOptions::default() });
     let mut plain = engine(&simulation, EngineOptions::peng2023());
     for second in 0..150 {
         let bucket = || messages.iter().map(|of_phone| of_phone.get(second).cloned()).collect();
@@ -153,4 +155,40 @@ fn a_bound_on_the_speed_holds_and_helps_phones_that_stand() {
     assert!(free_mps > 2.0 * maximum_mps, "{free_mps}");
     assert!(bound_mps <= maximum_mps + 1e-3, "{bound_mps}");
     assert!(bound_m < 0.95 * free_m, "{bound_m} {free_m}");
+}
+
+/// The fused verdict is that of the innovations: it stands where a phone has too few satellites for RAIM of its own, and falls where measurements
+/// contradict the prediction.
+#[test]
+fn fused_verdicts_rest_on_innovations() {
+    let (simulation, mut messages) = convoy(60.0);
+    for message in &mut messages[0][30..40] {
+        message.observations.truncate(4);
+        (message.wls, message.raim) = (None, RaimReport::of(Verdict::CannotBeChecked));
+    }
+    for message in &mut messages[1][30..40] {
+        for (observation, error_m) in
+            message.observations.iter_mut().zip([60.0, -50.0, 40.0, -70.0].repeat(9))
+        {
+            observation.pseudorange_m += error_m;
+        }
+    }
+    let mut engine = engine(&simulation, EngineOptions::default());
+    let (mut sparse, mut disturbed, mut before) = (0, 0, 0);
+    for second in 0..40 {
+        let bucket = messages.iter().map(|of_phone| of_phone.get(second).cloned()).collect();
+        let epoch = engine.step(bucket);
+        let is_reliable = |phone: usize| epoch.phones[phone].verdict == Some(Verdict::Reliable);
+        if second < 30 {
+            before += usize::from(is_reliable(0)) + usize::from(is_reliable(1));
+        } else {
+            sparse += usize::from(is_reliable(0));
+            disturbed += usize::from(is_reliable(1));
+        }
+    }
+    assert!(before >= 57, "{before} of 60");
+    // Then the prediction has become vague.
+    assert!((6..10).contains(&sparse), "{sparse} of 10");
+    // The filter is lost after five seconds and starts anew, once, with the verdict of the agent.
+    assert!(disturbed <= 1, "{disturbed} of 10");
 }

@@ -18,6 +18,7 @@ fn fused() -> FusedMessage {
         time_gps: message.time_gps,
         state: message.local.unwrap(),
         verdict: Some(message.raim.verdict),
+        test: message.raim.velocity,
         protection: message.raim.protection,
         constraints_acted: 3,
     }
@@ -33,9 +34,9 @@ fn every_kind_comes_back_as_it_went() {
 
 #[test]
 fn the_first_bytes_are_the_documented_ones() {
-    assert_eq!(encode(&example::message(1)).unwrap()[..5], [b'C', b'X', 5, 0, 0]);
-    assert_eq!(encode(&fused()).unwrap()[..5], [b'C', b'X', 5, 0, 1]);
-    assert_eq!(encode(&finished()).unwrap()[..5], [b'C', b'X', 5, 0, 2]);
+    assert_eq!(encode(&example::message(1)).unwrap()[..5], [b'C', b'X', 6, 0, 0]);
+    assert_eq!(encode(&fused()).unwrap()[..5], [b'C', b'X', 6, 0, 1]);
+    assert_eq!(encode(&finished()).unwrap()[..5], [b'C', b'X', 6, 0, 2]);
 }
 
 #[test]
@@ -79,9 +80,9 @@ fn every_defect_has_its_own_error() {
         bytes
     };
     assert_eq!(refused(&[]), WireError::TooShort { bytes: 0 });
-    assert_eq!(refused(b"CX\x05\x00"), WireError::TooShort { bytes: 4 });
+    assert_eq!(refused(b"CX\x06\x00"), WireError::TooShort { bytes: 4 });
     assert_eq!(refused(&changed(0, b'X')), WireError::NotCofix { found: *b"XX" });
-    assert_eq!(refused(&changed(3, 1)), WireError::Version { found: 261 });
+    assert_eq!(refused(&changed(3, 1)), WireError::Version { found: 262 });
     assert_eq!(refused(&changed(4, 9)), WireError::UnknownKind { found: 9 });
     let expected = MessageKind::Epoch;
     assert_eq!(
@@ -111,7 +112,7 @@ fn a_message_beyond_the_limit_is_not_encoded() {
 fn a_length_that_promises_gigabytes_is_refused() {
     // A name of 2^60 bytes.
     let bytes =
-        [b"CX\x05\x00\x00".as_slice(), &[0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x10]].concat();
+        [b"CX\x06\x00\x00".as_slice(), &[0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x10]].concat();
     assert!(matches!(refused(&bytes), WireError::Truncated { .. } | WireError::Malformed { .. }));
 }
 
@@ -167,7 +168,7 @@ proptest! {
     #[test]
     fn noise_never_panics(bytes in prop::collection::vec(any::<u8>(), 0..600), kind in 0_u8..3) {
         let _ = decode::<EpochMessage>(&bytes);
-        let framed = [b"CX\x05\x00".as_slice(), &[kind], &bytes].concat();
+        let framed = [b"CX\x06\x00".as_slice(), &[kind], &bytes].concat();
         let _ = decode::<EpochMessage>(&framed);
         let _ = decode::<StatusMessage>(&framed);
         let _ = decode::<FusedMessage>(&framed);
