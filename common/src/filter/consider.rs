@@ -16,7 +16,7 @@
 use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::information::{Measured, Other};
+use super::information::Measured;
 use crate::atmosphere::{Crossing, L1_HZ, Shell, scale_from_l1};
 use crate::frames::Direction;
 use crate::gnss::SatelliteId;
@@ -166,25 +166,22 @@ impl Consider {
         if total <= 0.0 {
             return;
         }
-        let absorbed = |row: &Measured, column: usize| {
-            let position: f64 = (0..3).map(|axis| row.h[axis] * self.cross[(states[axis], column)]).sum();
-            let bias = match row.other {
-                Other::Bias(place) => self.cross[(states[3 + place], column)],
-                _ => 0.0,
-            };
-            // C belongs to the error, true less estimated: the estimate moves the other way.
-            -(position + bias) / self.variances[column]
-        };
+        let mut mean = DVector::zeros(states.len());
+        let mut own_share = vec![0.0; self.pulls.len()];
+        for (row, sensitivity) in rows.iter().zip(sensitive) {
+            row.add_to(&mut mean, row.weight / total);
+            own_share[sensitivity.satellite] += row.weight / total;
+        }
+        let mut centred = DVector::zeros(states.len());
         let mut largest_m = vec![0.0_f64; self.pulls.len()];
         for ((row, sensitivity), pull) in rows.iter().zip(sensitive).zip(pulls) {
             let column = sensitivity.satellite;
-            let left = |other: &Measured, seen: &Sensitivity| {
-                f64::from(u8::from(seen.satellite == column)) - absorbed(other, column)
-            };
-            let clock: f64 =
-                rows.iter().zip(sensitive).map(|(other, seen)| other.weight * left(other, seen)).sum::<f64>()
-                    / total;
-            let share = (left(row, sensitivity) - clock).max(LEAST_LEFT);
+            row.centred(&mean, &mut centred);
+            // C belongs to the error, true less estimated: the estimate moves the other way.
+            let cross = states.iter().map(|state| self.cross[(*state, column)]);
+            let absorbed: f64 =
+                -centred.iter().zip(cross).map(|(h, c)| h * c).sum::<f64>() / self.variances[column];
+            let share = (1.0 - own_share[column] - absorbed).max(LEAST_LEFT);
             largest_m[column] = largest_m[column].max((pull.kept_m / share).min(pull.rejected_m));
         }
         for (known_m, new_m) in self.pulls.iter_mut().zip(largest_m) {
@@ -265,22 +262,22 @@ impl Consider {
         let mut output = root.tr_mul(&self.cross.select_rows(states));
         let mut y = block.noise.clone();
         if let Some(shared) = &block.shared {
-            d.gemm(1.0, &self.cross, &shared.transpose(), 1.0);
+            add_product(&mut d, 1.0, &self.cross, |shared_state, row| shared[(row, shared_state)]);
             let columns = output.column_iter_mut().zip(shared.column_iter()).zip(&self.variances);
             for ((mut output, shared), variance) in columns {
                 output.axpy(*variance, &shared, 1.0);
             }
-            y.gemm(1.0, shared, &output.transpose(), 1.0);
+            add_product(&mut y, 1.0, shared, |shared_state, row| output[(row, shared_state)]);
         }
         y.gemm_tr(1.0, root, &d.select_rows(states), 1.0);
         let y = (&y + y.transpose()) * 0.5;
         // P₂ ← P₂ − KDᵀ − DKᵀ + KYKᵀ = P₂ − KMᵀ − MKᵀ with M = D − ½KY
-        d.gemm(-0.5, gain, &y, 1.0);
-        self.covariance.gemm(-1.0, gain, &d.transpose(), 1.0);
-        self.covariance.gemm(-1.0, &d, &gain.transpose(), 1.0);
+        add_product(&mut d, -0.5, gain, |row, column| y[(row, column)]);
+        add_product(&mut self.covariance, -1.0, gain, |row, state| d[(state, row)]);
+        add_product(&mut self.covariance, -1.0, &d, |row, state| gain[(state, row)]);
         self.covariance.fill_upper_triangle_with_lower_triangle();
         // C ← C − K(HC + GPₛ)
-        self.cross.gemm(-1.0, gain, &output, 1.0);
+        add_product(&mut self.cross, -1.0, gain, |row, column| output[(row, column)]);
     }
 
     /// Covariance of the errors of states of this filter with those of another, through the shared states: C₁ Pₛ⁻¹ C₂ᵀ for N states each.
@@ -309,6 +306,22 @@ impl Consider {
             theirs.next_if(|_| order.is_ge());
         }
         covariance
+    }
+}
+
+/// Adds αAB, with B by its elements. For matrices of some ten rows that is faster than a general product, which packs them first.
+fn add_product(sum: &mut DMatrix<f64>, alpha: f64, a: &DMatrix<f64>, b: impl Fn(usize, usize) -> f64) {
+    let rows = sum.nrows();
+    if rows == 0 {
+        return;
+    }
+    for (column, sums) in sum.as_mut_slice().chunks_exact_mut(rows).enumerate() {
+        for (inner, factors) in a.as_slice().chunks_exact(rows).enumerate() {
+            let factor = alpha * b(inner, column);
+            for (sum, element) in sums.iter_mut().zip(factors) {
+                *sum += factor * element;
+            }
+        }
     }
 }
 

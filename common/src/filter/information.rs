@@ -113,7 +113,8 @@ impl Measured {
         }
     }
 
-    fn centred(&self, mean: &DVector<f64>, into: &mut DVector<f64>) {
+    /// The partial derivatives less the mean of all rows.
+    pub fn centred(&self, mean: &DVector<f64>, into: &mut DVector<f64>) {
         into.copy_from(mean);
         into.neg_mut();
         self.add_to(into, 1.0);
