@@ -1,6 +1,7 @@
 //! Helpers of the whole-system tests: small simulated sessions, and a hub and agents as separate parts so that faults can be put between
 //! them.
 
+pub mod by_hand;
 #[path = "../../agent/tests/limits/mod.rs"]
 pub mod limits;
 pub mod slow_link;

@@ -2,12 +2,10 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use cofix_agent::publication::Publication;
-use cofix_agent::{AgentConfig, AgentError, ProductSource, Source, Speed, Stop};
-use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
+use cofix_agent::{AgentConfig, AgentError, Source, Speed, Stop};
 use cofix_common::simulation::PhoneOptions;
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
@@ -18,29 +16,17 @@ use cofix_common::wire::{
 use cofix_hub::group::Course;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_tests::slow_link::SlowLink;
-use cofix_tests::{Hub, agent_config, connect, limits, plan_of, run_agents, small_plan, start_agent};
+use cofix_tests::{Hub, agent_config, by_hand, limits, plan_of, run_agents, small_plan, start_agent};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
 use zenoh::sample::Locality;
 
-/// The messages that the agent of a phone would send.
 fn messages(plan: &Plan, phone: usize) -> Vec<EpochMessage> {
-    let ProductSource::Loaded(products) = &plan.products else { panic!("simulated") };
-    let Source::Epochs(epochs) = &plan.phones[phone].source else { panic!("simulated") };
-    let mut pipeline =
-        PhonePipeline::new(&plan.phones[phone].name, Arc::clone(products), PipelineOptions::default());
-    epochs.iter().map(|epoch| pipeline.process(epoch)).collect()
+    by_hand::messages(plan, phone).unwrap()
 }
 
 fn publication(plan: &Plan, phone: usize, endpoints: &[String]) -> Publication {
-    let agent = AgentConfig {
-        connect: endpoints.to_vec(),
-        kept_messages: 100,
-        ..AgentConfig::new(&plan.group, &plan.phones[phone].name, Source::Epochs(Arc::default()))
-    };
-    let publication = Publication::declare(connect(&agent).unwrap(), &agent).unwrap();
-    assert!(publication.wait_for_listener(Duration::from_secs(10), &Stop::default()).unwrap());
-    publication
+    by_hand::publication(plan, phone, endpoints).unwrap()
 }
 
 #[test]

@@ -492,6 +492,8 @@ fn levels_about_wls(
 /// levels are beyond the alarm limits.
 const fn verdict(own: Verdict, suspicion: Option<Cause>, is_beyond: bool) -> Verdict {
     match (own, suspicion) {
+        // Whoever is isolated is marked as that.
+        (_, Some(Cause::Peers)) => Verdict::Unreliable(Cause::Peers),
         (Verdict::Reliable, Some(cause)) => Verdict::Unreliable(cause),
         (Verdict::Reliable, None) if is_beyond => Verdict::Unreliable(Cause::AlarmLimit),
         (own, _) => own,

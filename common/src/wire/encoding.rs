@@ -3,7 +3,9 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{EpochMessage, FusedMessage, KeptMessage, PaceMessage, ReceiptMessage, StatusMessage};
+use super::{
+    EpochMessage, FusedMessage, IntegrityMessage, KeptMessage, PaceMessage, ReceiptMessage, StatusMessage,
+};
 
 /// First two bytes of every message.
 const MAGIC: [u8; 2] = *b"CX";
@@ -31,10 +33,13 @@ pub enum MessageKind {
     Receipt,
     /// [`PaceMessage`].
     Pace,
+    /// [`IntegrityMessage`].
+    Integrity,
 }
 
 impl MessageKind {
-    const ALL: [Self; 6] = [Self::Epoch, Self::Fused, Self::Status, Self::Kept, Self::Receipt, Self::Pace];
+    const ALL: [Self; 7] =
+        [Self::Epoch, Self::Fused, Self::Status, Self::Kept, Self::Receipt, Self::Pace, Self::Integrity];
 
     fn from_byte(byte: u8) -> Option<Self> {
         Self::ALL.get(usize::from(byte)).copied()
@@ -61,7 +66,8 @@ wire_messages!(
     StatusMessage: Status,
     KeptMessage: Kept,
     ReceiptMessage: Receipt,
-    PaceMessage: Pace
+    PaceMessage: Pace,
+    IntegrityMessage: Integrity
 );
 
 /// Error of encoding or decoding.

@@ -9,6 +9,7 @@
 //! | `cofix/<group>/phone/<phone>/history` | query to an agent: the [`KeptMessage`](super::KeptMessage), its status messages and, with `?run=<Zenoh id of the agent>;from=<n>;to=<m>`, the epochs of sequence numbers n to m − 1 that it keeps |
 //! | `cofix/<group>/phone/<phone>/pace` | query to the hub of an agent that plays a recording at the speed of time or a multiple of it, with `?first=<its first epoch, ns of GPS time>;speed=<multiple>`: the [`PaceMessage`](super::PaceMessage) for that epoch, so that all agents of a group play the same time |
 //! | `cofix/<group>/fused/<phone>` | [`FusedMessage`](super::FusedMessage)s of the hub |
+//! | `cofix/<group>/integrity` | [`IntegrityMessage`](super::IntegrityMessage)s of the hub |
 
 /// Maximum length of the name of a group or phone, bytes.
 pub const MAXIMUM_NAME_BYTES: usize = 64;
@@ -120,6 +121,14 @@ pub fn history_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
 /// If the group's name cannot be a chunk of a key.
 pub fn all_receipts_key(group: &str) -> Result<String, KeyNameError> {
     check_name(group).map(|()| format!("cofix/{group}/phone/*/receipt"))
+}
+
+/// Key expression of the events of a group's integrity: `cofix/<group>/integrity`.
+///
+/// # Errors
+/// If the group's name cannot be a chunk of a key.
+pub fn integrity_key(group: &str) -> Result<String, KeyNameError> {
+    check_name(group).map(|()| format!("cofix/{group}/integrity"))
 }
 
 /// Key expression of a phone's fused states: `cofix/<group>/fused/<phone>`.

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::filter::PhoneState;
+use crate::fusion::peers::EventKind;
 use crate::integrity::{ProtectionLevels, RaimReport, TestReport, Verdict};
 use crate::measurement::{CorrectedObservation, Usage};
 use crate::skips::Skips;
@@ -57,6 +58,19 @@ pub struct FusedMessage {
     pub protection: Option<ProtectionLevels>,
     /// Number of constraints that acted on this phone at this epoch.
     pub constraints_acted: u16,
+}
+
+/// Event of the group's integrity: `cofix/<group>/integrity`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct IntegrityMessage {
+    /// Time of the fused epoch, GPS time.
+    pub time_gps: GpsTime,
+    /// Names of the phones that it is about.
+    pub phones: Vec<String>,
+    /// What happened.
+    pub kind: EventKind,
+    /// The event in words.
+    pub detail: String,
 }
 
 /// Status of an agent: `cofix/<group>/phone/<phone>/status`.

@@ -10,8 +10,8 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use cofix_agent::publication::link;
 use cofix_common::wire::{
-    FusedMessage, WireMessage, all_epochs_key, all_liveliness_key, all_paces_key, all_receipts_key,
-    all_status_key, encode, fused_key, phone_of_key,
+    FusedMessage, IntegrityMessage, WireMessage, all_epochs_key, all_liveliness_key, all_paces_key,
+    all_receipts_key, all_status_key, encode, fused_key, integrity_key, phone_of_key,
 };
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
@@ -169,8 +169,8 @@ pub struct FusedPublisher {
 impl FusedPublisher {
     /// A publisher without a session.
     #[cfg(test)]
-    pub(crate) const fn nowhere() -> Self {
-        Self { session: None, group: String::new(), congestion_control: CongestionControl::Drop }
+    pub(crate) fn nowhere() -> Self {
+        Self { session: None, group: "nowhere".to_owned(), congestion_control: CongestionControl::Drop }
     }
 
     /// Publishes a fused state.
@@ -178,9 +178,21 @@ impl FusedPublisher {
     /// # Errors
     /// When it cannot be encoded or Zenoh refuses.
     pub fn publish(&self, message: &FusedMessage) -> anyhow::Result<()> {
+        self.put(&fused_key(&self.group, &message.phone)?, message)
+    }
+
+    /// Publishes an event of the group's integrity.
+    ///
+    /// # Errors
+    /// When it cannot be encoded or Zenoh refuses.
+    pub fn tell(&self, message: &IntegrityMessage) -> anyhow::Result<()> {
+        self.put(&integrity_key(&self.group)?, message)
+    }
+
+    fn put<M: WireMessage>(&self, key: &str, message: &M) -> anyhow::Result<()> {
         let Some(session) = &self.session else { return Ok(()) };
         session
-            .put(fused_key(&self.group, &message.phone)?, encode(message)?)
+            .put(key, encode(message)?)
             .congestion_control(self.congestion_control)
             .wait()
             .map_err(zenoh_error)

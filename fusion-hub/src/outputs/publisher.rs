@@ -1,22 +1,31 @@
-//! Fused states for listeners on Zenoh: a message for each phone that has a state.
+//! Fused states for listeners on Zenoh, a message for each phone that has a state, and events of the group's integrity.
 
 use cofix_common::constraint::{ConstraintAction, ConstraintOutcome};
 use cofix_common::fusion::engine::FusedEpoch;
-use cofix_common::wire::FusedMessage;
+use cofix_common::fusion::peers::IntegrityEvent;
+use cofix_common::wire::{FusedMessage, IntegrityMessage};
 
 use super::sink::{Fused, Sink, Written};
 use crate::network::FusedPublisher;
+use crate::report::EventReport;
 
 impl Sink for FusedPublisher {
     fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
         let messages =
             fused.phones.iter().enumerate().filter_map(|(index, name)| message(fused.epoch, index, name));
-        messages.into_iter().try_for_each(|message| self.publish(&message))
+        messages.into_iter().try_for_each(|message| self.publish(&message))?;
+        fused.epoch.events.iter().try_for_each(|event| self.tell(&told(event, fused)))
     }
 
     fn finish(self: Box<Self>, _text: &str) -> Result<Option<Written>, String> {
         Ok(None)
     }
+}
+
+fn told(event: &IntegrityEvent, fused: &Fused<'_>) -> IntegrityMessage {
+    let phones = event.phones.iter().filter_map(|phone| fused.phones.get(*phone).cloned()).collect();
+    let detail = EventReport::of(event, fused.epoch, fused.phones).detail;
+    IntegrityMessage { time_gps: event.time_gps, phones, kind: event.kind, detail }
 }
 
 fn message(epoch: &FusedEpoch, index: usize, name: &str) -> Option<FusedMessage> {

@@ -4,8 +4,8 @@ use cofix_common::formats::decode::Decoder;
 use cofix_common::formats::rtcm::{RtcmDecoder, RtcmOptions};
 use cofix_common::skips::Skips;
 use cofix_common::wire::{
-    EpochMessage, FusedMessage, KeptMessage, MAXIMUM_OBSERVATIONS, PaceMessage, ReceiptMessage,
-    StatusMessage, WIRE_VERSION, WireMessage, decode, encode,
+    EpochMessage, FusedMessage, IntegrityMessage, KeptMessage, MAXIMUM_OBSERVATIONS, PaceMessage,
+    ReceiptMessage, StatusMessage, WIRE_VERSION, WireMessage, decode, encode,
 };
 
 use crate::streams::{near, rtcm_stream};
@@ -53,7 +53,7 @@ fn frame(message: &[u8]) -> Vec<u8> {
 
 /// Messages between agents and hub: nothing absurd is left after sanitising, and what is encoded comes back.
 pub fn wire(bytes: &[u8]) {
-    for kind in 0..6 {
+    for kind in 0..7 {
         // The header is given, too, so that bodies alone can be tried.
         let with_header = [b"CX".as_slice(), &WIRE_VERSION.to_le_bytes(), &[kind], bytes].concat();
         for bytes in [bytes, &with_header] {
@@ -62,6 +62,7 @@ pub fn wire(bytes: &[u8]) {
             comes_back::<KeptMessage>(bytes);
             comes_back::<ReceiptMessage>(bytes);
             comes_back::<PaceMessage>(bytes);
+            comes_back::<IntegrityMessage>(bytes);
             if let Some(message) = comes_back::<EpochMessage>(bytes) {
                 sanitised(message);
             }

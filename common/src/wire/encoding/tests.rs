@@ -2,6 +2,7 @@ use proptest::prelude::*;
 
 use super::super::{PhoneStatus, Receipt, example};
 use super::*;
+use crate::fusion::peers::EventKind;
 use crate::skips::{Reason, Skips};
 
 fn finished() -> StatusMessage {
@@ -68,6 +69,19 @@ fn what_the_hub_answers_comes_back() {
     }
     let pace = PaceMessage { due_in_s: -7.5 };
     assert_eq!(decode(&encode(&pace).unwrap()), Ok(pace));
+}
+
+#[test]
+fn what_happens_to_the_integrity_comes_back() {
+    let message = IntegrityMessage {
+        time_gps: example::message(1).time_gps,
+        phones: vec!["HP30".to_owned(), "XIM8".to_owned()],
+        kind: EventKind::CannotTell,
+        detail: "HP30, XIM8 contradict each other, and which is wrong is open".to_owned(),
+    };
+    let bytes = encode(&message).unwrap();
+    assert_eq!(bytes[4], 6);
+    assert_eq!(decode(&bytes), Ok(message));
 }
 
 #[test]
