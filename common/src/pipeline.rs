@@ -4,10 +4,13 @@ mod receive_time;
 
 use std::sync::Arc;
 
-use crate::filter::{Admitted, FilterOptions, JointFilter, PhoneEpoch, Unsound};
+use crate::filter::{Admitted, FilterOptions, JointFilter, PhoneEpoch, PhoneState, Unsound, UpdateReport};
 use crate::frames::Ecef;
 use crate::gnss::{EpochFlag, ObservationEpoch};
-use crate::integrity::{Monitored, RaimOptions, RaimReport, Verdict, solve_with_raim, velocity_report};
+use crate::integrity::{
+    Monitored, ProtectionLevels, RaimOptions, RaimReport, SatelliteFaults, StateReport, Verdict,
+    levels_about, solve_with_raim, state_levels, velocity_report,
+};
 use crate::measurement::{
     Carriers, CorrectedObservation, CorrectionOptions, Corrector, Differential, DifferentialCounts,
     DifferentialOptions, Finished, PreparedObservation, RecordedEpoch, StochasticModel, VarianceModel,
@@ -204,12 +207,23 @@ impl PhonePipeline {
         let time_gps = self.receive_time(tag_gps, wls.as_ref(), report.verdict);
         let changes_since_gps = self.range_changes(time_gps, &mut observations, &carriers, wls.as_ref());
         let solution = wls.as_ref().map(|solution| (solution, report.verdict));
-        self.filter(&PhoneEpoch {
+        let raim = &self.options.raim;
+        let epoch = PhoneEpoch {
             time_gps,
             observations: &observations,
             changes_since_gps,
             wls: solution,
-            tests: None,
+            tests: Some(raim),
+        };
+        let update = filter(&mut self.filter, &epoch, &mut self.skips);
+        let local = self.filter.state(0);
+        let local_integrity = local.as_ref().map(|state| {
+            let about = wls.as_ref().map(|solution| (solution, time_gps));
+            let protection = ProtectionLevels::smallest(
+                self.local_levels(state),
+                about.and_then(|about| levels_about(about, &report, (state, time_gps))),
+            );
+            StateReport::new(update.and_then(|update| update.test), &report, protection, raim)
         });
         let message = EpochMessage {
             phone: self.phone.clone(),
@@ -218,7 +232,8 @@ impl PhonePipeline {
             observations,
             changes_since_gps,
             wls,
-            local: self.filter.state(0),
+            local,
+            local_integrity,
             raim: report,
         };
         self.sequence += 1;
@@ -318,20 +333,10 @@ impl PhonePipeline {
         (Seen::default(), Monitored { fit: Err(step), report })
     }
 
-    /// Takes the epoch into the local filter.
-    fn filter(&mut self, epoch: &PhoneEpoch<'_>) {
-        let time_gps = epoch.time_gps;
-        let Admitted { late_s, silent, was_lost, unsound, .. } = self.filter.admit(0, epoch);
-        if let Some(late_s) = late_s {
-            self.skips.add(Reason::EpochBeforeFilterTime, || format!("{time_gps}, {late_s:.3} s late"));
-        }
-        let gap = silent.first().map(|(_, silence_s)| format!("no measurement for {silence_s:.1} s"));
-        let lost = was_lost.then(|| "its measurements contradict the prediction".to_owned());
-        let spoilt =
-            (unsound != Unsound::None).then(|| "state not finite or variance not positive".to_owned());
-        for reason in [gap, lost, spoilt].into_iter().flatten() {
-            self.skips.add(Reason::LocalFilterRestarted, || format!("{time_gps}: {reason}"));
-        }
+    /// Levels of the local state by the filter's faults.
+    fn local_levels(&self, state: &PhoneState) -> Option<ProtectionLevels> {
+        let faults = SatelliteFaults::new(state.position(), 1, &self.filter.faults(0)?);
+        state_levels(state, &faults, &self.options.raim.protection)
     }
 }
 
@@ -340,6 +345,22 @@ impl PhonePipeline {
 struct Seen {
     observations: Vec<CorrectedObservation>,
     carriers: Carriers,
+}
+
+/// Takes an epoch into the local filter.
+fn filter(filter: &mut JointFilter, epoch: &PhoneEpoch<'_>, skips: &mut Skips) -> Option<UpdateReport> {
+    let time_gps = epoch.time_gps;
+    let Admitted { late_s, silent, was_lost, unsound, update } = filter.admit(0, epoch);
+    if let Some(late_s) = late_s {
+        skips.add(Reason::EpochBeforeFilterTime, || format!("{time_gps}, {late_s:.3} s late"));
+    }
+    let gap = silent.first().map(|(_, silence_s)| format!("no measurement for {silence_s:.1} s"));
+    let lost = was_lost.then(|| "its measurements contradict the prediction".to_owned());
+    let spoilt = (unsound != Unsound::None).then(|| "state not finite or variance not positive".to_owned());
+    for reason in [gap, lost, spoilt].into_iter().flatten() {
+        skips.add(Reason::LocalFilterRestarted, || format!("{time_gps}: {reason}"));
+    }
+    update
 }
 
 /// A solution whose residuals are absurd is none: neither a position nor a start of the filter. The report stays.

@@ -16,6 +16,7 @@ pub(crate) fn judged(phone: &str, time_gps: GpsTime, verdict: Verdict) -> EpochM
         changes_since_gps: None,
         wls: None,
         local: None,
+        local_integrity: None,
         raim: RaimReport::of(verdict),
     }
 }

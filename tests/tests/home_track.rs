@@ -77,9 +77,11 @@ fn check_integrity(name: &str, methods: &Methods, measured: &Integrity) {
     let share = |phones: &ByPhone, value: fn(&Protection) -> Option<f64>| {
         mean(phones, |accuracy| value(&accuracy.protection).unwrap())
     };
-    for (phones, reliable, bounded) in
-        [(&methods.wls, measured.reliable_wls, 0.9985), (&methods.joint, measured.reliable_joint, 0.995)]
-    {
+    for (phones, reliable, bounded) in [
+        (&methods.wls, measured.reliable_wls, 0.9985),
+        (&methods.local, measured.reliable_joint, 0.995),
+        (&methods.joint, measured.reliable_joint, 0.995),
+    ] {
         let horizontally = share(phones, |p| p.hpl_bounds);
         let vertically = share(phones, |p| p.vpl_bounds);
         let availability = share(phones, |p| p.reliable_availability);

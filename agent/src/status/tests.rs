@@ -16,6 +16,7 @@ fn message(seconds: f64, verdict: Verdict) -> EpochMessage {
         changes_since_gps: None,
         wls: None,
         local: None,
+        local_integrity: None,
         raim: RaimReport::of(verdict),
     }
 }

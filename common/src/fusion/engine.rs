@@ -12,9 +12,8 @@ use crate::constraint::{
     constrain_separately, excess_sigmas,
 };
 use crate::filter::{FilterOptions, PhoneState, UpdateReport};
-use crate::frames::{EcefVector, LocalFrame};
 use crate::integrity::{
-    Cause, ProtectionLevels, RaimOptions, SatelliteFaults, Verdict, exceeds, state_levels,
+    Cause, ProtectionLevels, RaimOptions, SatelliteFaults, StateReport, Verdict, levels_about, state_levels,
 };
 use crate::measurement::CorrectedObservation;
 use crate::skips::{Reason, Skips};
@@ -192,9 +191,8 @@ impl Engine {
                 let test = update.and_then(|update: UpdateReport| update.test);
                 FusedPhone {
                     verdict: message.as_ref().map(|message| {
-                        let own = test.map_or(message.raim.verdict, |test| test.verdict);
-                        let is_beyond = exceeds(protection, self.options.integrity.alarm_limits);
-                        verdict(own, self.suspicion(phone, doubted[phone]), is_beyond)
+                        let own = StateReport::new(test, &message.raim, protection, &self.options.integrity);
+                        verdict(own.verdict, self.suspicion(phone, doubted[phone]))
                     }),
                     message,
                     state: slots.of(phone).and_then(|slot| output.states.get(slot).cloned()),
@@ -208,7 +206,7 @@ impl Engine {
     }
 
     /// Protection levels of the states, by slot: the smaller of two bounds. One is that of the filter ([`state_levels`]). The other is the epoch-wise
-    /// solution's of the phone, if it is reliable, about its own position: |x̂ − x| ≤ |x̂ − x̂_wls| + |x̂_wls − x|.
+    /// solution's of the phone, if it is reliable, about its own position ([`levels_about`]).
     fn levels(
         &self,
         slots: &Slots,
@@ -220,11 +218,10 @@ impl Engine {
         for (phone, message) in messages.iter().enumerate() {
             let Some((slot, message)) = slots.of(phone).zip(message.as_ref()) else { continue };
             let Some((state, level)) = output.states.get(slot).zip(levels.get_mut(slot)) else { continue };
-            let about_wls = levels_about_wls(message, state, self.time_gps);
-            *level = match (*level, about_wls) {
-                (Some(a), Some(b)) => Some(a.smaller(b)),
-                (a, b) => a.or(b),
-            };
+            let about_wls = message.wls.as_ref().and_then(|solution| {
+                levels_about((solution, message.time_gps), &message.raim, (state, self.time_gps))
+            });
+            *level = ProtectionLevels::smallest(*level, about_wls);
         }
         levels
     }
@@ -233,11 +230,8 @@ impl Engine {
         let Some(faults) = self.filters.faults() else { return Vec::new() };
         let Some(first) = output.states.first() else { return Vec::new() };
         let faults = SatelliteFaults::new(first.position(), output.states.len(), &faults);
-        let of = |state: &PhoneState| {
-            let covariance = state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-            state_levels(state.position(), &covariance, &faults, &self.options.integrity.protection)
-        };
-        output.states.iter().map(of).collect()
+        let options = &self.options.integrity.protection;
+        output.states.iter().map(|state| state_levels(state, &faults, options)).collect()
     }
 
     /// Discards all states, so that the next messages may be earlier than the last ones. Phones restart from their next solutions.
@@ -470,32 +464,14 @@ fn trusted<'a>(
     Cow::Owned(trusted)
 }
 
-/// Levels of a state at a time by those of the phone's reliable epoch-wise solution, which is carried to that time with the state's velocity.
-fn levels_about_wls(
-    message: &EpochMessage,
-    state: &PhoneState,
-    time_gps: GpsTime,
-) -> Option<ProtectionLevels> {
-    let (solution, levels) = message.wls.as_ref().zip(message.raim.protection)?;
-    if message.raim.verdict != Verdict::Reliable {
-        return None;
-    }
-    let carried = solution.position + EcefVector(state.velocity().0 * (time_gps - message.time_gps));
-    let apart = LocalFrame::at(carried).ecef_to_enu(state.position());
-    Some(ProtectionLevels {
-        horizontal_m: levels.horizontal_m + apart.horizontal(),
-        vertical_m: levels.vertical_m + apart.up.abs(),
-    })
-}
-
-/// The verdict on a fused position: that of its measurements, unless the phone contradicts the others or a constraint on it, or its protection
-/// levels are beyond the alarm limits.
-const fn verdict(own: Verdict, suspicion: Option<Cause>, is_beyond: bool) -> Verdict {
+/// The verdict on a fused position: that of its measurements and levels, unless the phone contradicts the others, or a constraint on it.
+const fn verdict(own: Verdict, suspicion: Option<Cause>) -> Verdict {
     match (own, suspicion) {
         // Whoever is isolated is marked as that.
         (_, Some(Cause::Peers)) => Verdict::Unreliable(Cause::Peers),
-        (Verdict::Reliable, Some(cause)) => Verdict::Unreliable(cause),
-        (Verdict::Reliable, None) if is_beyond => Verdict::Unreliable(Cause::AlarmLimit),
+        (Verdict::Reliable | Verdict::Unreliable(Cause::AlarmLimit), Some(cause)) => {
+            Verdict::Unreliable(cause)
+        }
         (own, _) => own,
     }
 }

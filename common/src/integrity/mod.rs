@@ -29,13 +29,16 @@ mod innovations;
 mod monitor;
 mod options;
 mod protection;
+mod state;
 mod subset;
 
 pub(crate) use innovations::Innovations;
 pub(crate) use monitor::exceeds;
 pub use monitor::{Monitored, solve_with_raim, velocity_report};
 pub use options::{AlarmLimits, DopLimits, Method, ProtectionOptions, RaimOptions};
-pub use protection::{ProtectionLevels, SatelliteFaults, SlopeLevels, state_levels};
+pub use protection::{ProtectionLevels, SlopeLevels};
+pub(crate) use state::levels_about;
+pub use state::{SatelliteFaults, StateReport, state_levels};
 
 use std::fmt;
 

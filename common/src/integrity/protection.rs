@@ -1,4 +1,4 @@
-//! Protection levels of the solution of one epoch, and of a filter's state.
+//! Protection levels of the solution of one epoch.
 //!
 //! **Solution separation** (ARAIM baseline algorithm: Blanch et al., "Baseline advanced RAIM user algorithm and possible improvements", IEEE TAES
 //! 51, 2015). Under each hypothesis k (a satellite is faulty, a constellation is faulty) the solution without the suspects has no fault. Its
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checks::{UNCHECKABLE, count_excluded};
 use super::options::{ProtectionOptions, RaimOptions};
-use crate::frames::{Ecef, EcefVector, LocalFrame};
+use crate::frames::LocalFrame;
 use crate::gnss::{Constellation, SatelliteId};
 use crate::measurement::CorrectedObservation;
 use crate::solve::Fit;
@@ -41,8 +41,16 @@ pub struct ProtectionLevels {
 }
 
 impl ProtectionLevels {
+    /// The smaller of each of two levels, where there are two.
+    pub(crate) fn smallest(one: Option<Self>, other: Option<Self>) -> Option<Self> {
+        match (one, other) {
+            (Some(one), Some(other)) => Some(one.smaller(other)),
+            (one, other) => one.or(other),
+        }
+    }
+
     /// The smaller of each.
-    pub(crate) const fn smaller(self, other: Self) -> Self {
+    const fn smaller(self, other: Self) -> Self {
         Self {
             horizontal_m: self.horizontal_m.min(other.horizontal_m),
             vertical_m: self.vertical_m.min(other.vertical_m),
@@ -50,7 +58,7 @@ impl ProtectionLevels {
     }
 
     /// The levels, if both are finite.
-    fn finite(self) -> Option<Self> {
+    pub(super) fn finite(self) -> Option<Self> {
         (self.horizontal_m.is_finite() && self.vertical_m.is_finite()).then_some(self)
     }
 }
@@ -373,57 +381,6 @@ impl Along<'_> {
         let fault_free = 2.0 * upper_tail((level_m - nominal.bias_m[axis]) / nominal.sigma_m[axis]);
         fault_free + self.modes.iter().map(of_mode).sum::<f64>()
     }
-}
-
-/// What lasting faults of single satellites do to the positions of a group at most.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SatelliteFaults {
-    /// Largest displacement by one satellite, east, north and up, m.
-    largest_m: Vector3<f64>,
-    /// Number of satellites.
-    satellites: f64,
-}
-
-impl SatelliteFaults {
-    /// Of displacements (ECEF, m) of some phones, each by each satellite. Phones of a group are so near to each other that one local frame, at
-    /// `near`, serves for all.
-    pub fn new(near: Ecef, phones: usize, faults: &[Vector3<f64>]) -> Self {
-        let frame = LocalFrame::at(near);
-        let largest_m = faults.iter().fold(Vector3::zeros(), |largest: Vector3<f64>, fault| {
-            let moved = frame.vector_ecef_to_enu(EcefVector(*fault));
-            largest.sup(&Vector3::new(moved.east, moved.north, moved.up).abs())
-        });
-        Self { largest_m, satellites: faults.len() as f64 / phones.max(1) as f64 }
-    }
-}
-
-/// Protection levels of a filter's position; `None` if the promised probability cannot be kept.
-///
-/// Without a fault the error has the stated covariance. A lasting fault of one satellite moves the position by at most the largest of
-/// `faults`, whatever its size, because robust weights bound its pull; what remains has the stated covariance too. This is
-/// the sensitivity of the filter over all its memory, not a bank of filters without each satellite. Faults of whole constellations and of two
-/// satellites at once are not monitored.
-pub fn state_levels(
-    position: Ecef,
-    covariance: &Matrix3<f64>,
-    faults: &SatelliteFaults,
-    options: &ProtectionOptions,
-) -> Option<ProtectionLevels> {
-    let covariance = LocalFrame::at(position).covariance_ecef_to_enu(covariance);
-    let total = options.satellite_fault * faults.satellites;
-    let budget = options.misleading - 0.5 * total * total;
-    if budget <= 0.0 {
-        return None;
-    }
-    let level = |axis: usize, probability: f64| {
-        let share = probability / (faults.satellites + 1.0);
-        let faulty = two_sided_threshold((2.0 * share / options.satellite_fault).min(1.0));
-        let sigma_m = covariance[(axis, axis)].sqrt();
-        (two_sided_threshold(share) * sigma_m).max(faults.largest_m[axis] + faulty * sigma_m)
-    };
-    let horizontal_m = level(0, budget / 4.0).hypot(level(1, budget / 4.0));
-    let levels = ProtectionLevels { horizontal_m, vertical_m: level(2, budget / 2.0) };
-    levels.finite()
 }
 
 /// Levels by the largest slope; `None` without redundancy, or if the error of a measurement does not show at all.

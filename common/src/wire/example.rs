@@ -6,7 +6,9 @@ use super::EpochMessage;
 use crate::filter::PhoneState;
 use crate::frames::{Direction, Ecef, EcefVector};
 use crate::gnss::{ClockGroup, Constellation, SatelliteId, SignalCode};
-use crate::integrity::{GlobalTest, ProtectionLevels, RaimReport, SlopeLevels, TestReport, Verdict};
+use crate::integrity::{
+    GlobalTest, ProtectionLevels, RaimReport, SlopeLevels, StateReport, TestReport, Verdict,
+};
 use crate::measurement::{CorrectedObservation, RangeChange, RangeRate, SharedError, Usage};
 use crate::solve::{Dops, PointSolution, VelocitySolution};
 use crate::time::GpsTime;
@@ -56,6 +58,15 @@ pub(super) fn message(count: u8) -> EpochMessage {
             used: u16::from(count),
         }),
         local: Some(PhoneState { mean: mean.into(), covariance: nalgebra::SMatrix::identity() }),
+        local_integrity: Some(StateReport {
+            verdict: Verdict::Reliable,
+            test: Some(TestReport {
+                verdict: Verdict::Reliable,
+                global_test: Some(GlobalTest { statistic: 8.5, threshold: 31.3, degrees_of_freedom: 11 }),
+                excluded: 1,
+            }),
+            protection: Some(ProtectionLevels { horizontal_m: 11.0, vertical_m: 17.0 }),
+        }),
         raim: RaimReport {
             verdict: Verdict::Reliable,
             global_test: Some(GlobalTest { statistic: 9.5, threshold: 27.9, degrees_of_freedom: 12 }),

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::filter::PhoneState;
 use crate::fusion::peers::EventKind;
-use crate::integrity::{ProtectionLevels, RaimReport, TestReport, Verdict};
+use crate::integrity::{ProtectionLevels, RaimReport, StateReport, TestReport, Verdict};
 use crate::measurement::{CorrectedObservation, Usage};
 use crate::skips::Skips;
 use crate::solve::PointSolution;
@@ -29,6 +29,8 @@ pub struct EpochMessage {
     pub wls: Option<PointSolution>,
     /// State of the local filter after this epoch; `None` before initialisation.
     pub local: Option<PhoneState>,
+    /// What integrity monitoring says of that state.
+    pub local_integrity: Option<StateReport>,
     /// RAIM report on the epoch-wise solution.
     pub raim: RaimReport,
 }

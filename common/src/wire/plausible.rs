@@ -12,7 +12,7 @@ use nalgebra::{Cholesky, SMatrix};
 use crate::filter::PhoneState;
 use crate::frames::Ecef;
 use crate::gnss::{CN0_BOUNDS_DBHZ, PSEUDORANGE_BOUNDS_M, SatelliteId, SignalCode};
-use crate::integrity::GlobalTest;
+use crate::integrity::{GlobalTest, ProtectionLevels};
 use crate::measurement::CorrectedObservation;
 use crate::skips::{Reason, Skips};
 use crate::solve::{PointSolution, VelocitySolution};
@@ -142,6 +142,8 @@ pub enum Part {
     Wls,
     /// [`EpochMessage::local`].
     Local,
+    /// [`EpochMessage::local_integrity`].
+    LocalIntegrity,
     /// [`EpochMessage::raim`]'s global test.
     GlobalTest,
     /// [`EpochMessage::raim`]'s protection levels.
@@ -154,8 +156,15 @@ pub enum Part {
 
 impl Part {
     /// All parts.
-    const ALL: [Self; 6] =
-        [Self::Wls, Self::Local, Self::GlobalTest, Self::Protection, Self::Slope, Self::Velocity];
+    const ALL: [Self; 7] = [
+        Self::Wls,
+        Self::Local,
+        Self::LocalIntegrity,
+        Self::GlobalTest,
+        Self::Protection,
+        Self::Slope,
+        Self::Velocity,
+    ];
 }
 
 impl fmt::Display for Part {
@@ -163,6 +172,7 @@ impl fmt::Display for Part {
         f.write_str(match self {
             Self::Wls => "epoch-wise solution",
             Self::Local => "local state",
+            Self::LocalIntegrity => "report on the local state",
             Self::GlobalTest => "global test",
             Self::Protection => "protection levels",
             Self::Slope => "levels by slope",
@@ -262,10 +272,12 @@ impl EpochMessage {
             Part::Wls => self.wls.as_ref().map(check_solution),
             Part::Local => self.local.as_ref().map(check_state),
             Part::GlobalTest => self.raim.global_test.as_ref().map(check_test),
-            Part::Protection => self.raim.protection.map(|levels| {
-                within("horizontal protection level (m)", levels.horizontal_m, POSITIVE)?;
-                within("vertical protection level (m)", levels.vertical_m, POSITIVE)
+            Part::LocalIntegrity => self.local_integrity.map(|report| {
+                let test = report.test.and_then(|test| test.global_test);
+                test.as_ref().map_or(Ok(()), check_test)?;
+                report.protection.map_or(Ok(()), check_levels)
             }),
+            Part::Protection => self.raim.protection.map(check_levels),
             Part::Slope => self.raim.slope.map(|levels| {
                 within("horizontal level by slope (m)", levels.horizontal_m, POSITIVE)?;
                 within("vertical level by slope (m)", levels.vertical_m, POSITIVE)?;
@@ -286,6 +298,7 @@ impl EpochMessage {
         match part {
             Part::Wls => self.wls = None,
             Part::Local => self.local = None,
+            Part::LocalIntegrity => self.local_integrity = None,
             Part::GlobalTest => self.raim.global_test = None,
             Part::Protection => self.raim.protection = None,
             Part::Slope => self.raim.slope = None,
@@ -302,6 +315,11 @@ impl PaceMessage {
     pub fn validate(self) -> Result<Self, Implausible> {
         within("time until the first epoch is due (s)", self.due_in_s, DUE_IN_S).map(|()| self)
     }
+}
+
+fn check_levels(levels: ProtectionLevels) -> Result<(), Implausible> {
+    within("horizontal protection level (m)", levels.horizontal_m, POSITIVE)?;
+    within("vertical protection level (m)", levels.vertical_m, POSITIVE)
 }
 
 fn check_test(test: &GlobalTest) -> Result<(), Implausible> {

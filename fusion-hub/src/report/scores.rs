@@ -72,6 +72,8 @@ struct PhoneScores {
     joint: Vec<Solution>,
     /// What the agent's integrity monitoring said of the epoch-wise positions.
     claims: Vec<Claim>,
+    /// What it said of the local filter's positions.
+    local_claims: Vec<Claim>,
     /// What the hub said of the fused positions.
     fused_claims: Vec<Claim>,
 }
@@ -120,15 +122,20 @@ impl Scores {
             self.phones.iter().map(entry).collect()
         };
         let mut wls: ByPhone = by_phone(|scores| &scores.wls);
+        let mut local: ByPhone = by_phone(|scores| &scores.local);
         let mut joint: ByPhone = by_phone(|scores| &scores.joint);
         for scores in &self.phones {
-            for (by_phone, claims) in [(&mut wls, &scores.claims), (&mut joint, &scores.fused_claims)] {
+            for (by_phone, claims) in [
+                (&mut wls, &scores.claims),
+                (&mut local, &scores.local_claims),
+                (&mut joint, &scores.fused_claims),
+            ] {
                 if let Some(Some(accuracy)) = by_phone.get_mut(&scores.name) {
                     accuracy.protection = scores.protection(claims, &self.qualities);
                 }
             }
         }
-        Methods { wls, local: by_phone(|scores| &scores.local), joint }
+        Methods { wls, local, joint }
     }
 
     /// Phones that are not scored, and why.
@@ -185,6 +192,13 @@ impl PhoneScores {
                 message.wls.as_ref().map(|solution| Claim::of(time, solution.position, &message.raim)),
             );
             self.local.extend(message.local.as_ref().map(|state| claimed(time, state)));
+            let local = message.local.as_ref().zip(message.local_integrity);
+            self.local_claims.extend(local.map(|(state, report)| Claim {
+                time_gps: time,
+                position: state.position(),
+                is_reliable: report.verdict == Verdict::Reliable,
+                levels: report.protection,
+            }));
         }
         self.fused_claims.extend(phone.state.as_ref().zip(phone.verdict).map(|(state, verdict)| Claim {
             time_gps,

@@ -148,7 +148,7 @@ fn protection_table(methods: &Methods, names: &[String], width: usize) -> Option
          |:-------|:{:-<width$}-|---------:|----------:|-----------:|----------:|-----------:|-----------:|\n",
         "phone", ""
     );
-    let rows: String = [("wls", &methods.wls), ("joint", &methods.joint)]
+    let rows: String = [("wls", &methods.wls), ("local", &methods.local), ("joint", &methods.joint)]
         .into_iter()
         .flat_map(|(method, phones)| names.iter().map(move |name| (method, name, phones.get(name))))
         .filter_map(|(method, name, accuracy)| {

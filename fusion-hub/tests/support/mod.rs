@@ -120,6 +120,7 @@ impl Session {
             changes_since_gps: None,
             wls: Some(point_solution(at(time, 1.6, 1.3, noise), self.satellites)),
             local: Some(state(at(time, 1.1, 0.1, noise), 1.2)),
+            local_integrity: None,
             raim: raim(index),
         });
         let state = Some(state(at(time_gps, 0.55, 0.05, noise), 0.6));

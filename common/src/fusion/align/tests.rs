@@ -17,6 +17,7 @@ pub(super) fn message(phone: usize, sequence: u64, seconds: f64) -> EpochMessage
         changes_since_gps: None,
         wls: None,
         local: None,
+        local_integrity: None,
         raim: RaimReport::of(Verdict::CannotBeChecked),
     }
 }

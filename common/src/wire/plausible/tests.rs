@@ -117,7 +117,7 @@ fn the_second_observation_of_a_signal_goes() {
 
 #[test]
 fn bad_parts_go_alone() {
-    let spoils: [(Part, SpoilMessage); 13] = [
+    let spoils: [(Part, SpoilMessage); 14] = [
         (Part::Wls, |m| m.wls.as_mut().unwrap().position.0.x = 2e8),
         (Part::Wls, |m| m.wls.as_mut().unwrap().position_covariance[(1, 1)] = -1.0),
         (Part::Wls, |m| m.wls.as_mut().unwrap().position_covariance.fill(0.0)),
@@ -127,6 +127,9 @@ fn bad_parts_go_alone() {
         (Part::Wls, |m| m.wls.as_mut().unwrap().clocks_m[0].1 = f64::INFINITY),
         (Part::Local, |m| m.local.as_mut().unwrap().mean[8] = f64::NAN),
         (Part::Local, |m| m.local.as_mut().unwrap().covariance[(0, 5)] = f64::NAN),
+        (Part::LocalIntegrity, |m| {
+            m.local_integrity.as_mut().unwrap().protection.as_mut().unwrap().vertical_m = -1.0;
+        }),
         (Part::GlobalTest, |m| m.raim.global_test.as_mut().unwrap().statistic = f64::NAN),
         (Part::Protection, |m| m.raim.protection.as_mut().unwrap().vertical_m = f64::NAN),
         (Part::Slope, |m| m.raim.slope.as_mut().unwrap().arp_m = -1.0),
