@@ -2,6 +2,7 @@
 
 pub mod attention;
 mod constraints;
+mod events;
 mod innovations;
 mod inputs;
 mod presence;

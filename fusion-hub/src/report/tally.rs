@@ -6,7 +6,6 @@ use cofix_common::filter::PhoneState;
 use cofix_common::formats::phone::Quantiles;
 use cofix_common::frames::LocalFrame;
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone, ScheduledConstraint};
-use cofix_common::fusion::peers::{EventKind, IntegrityEvent};
 use cofix_common::gnss::{SatelliteId, SignalCode};
 use cofix_common::measurement::CorrectedObservation;
 use cofix_common::skips::Skips;
@@ -29,7 +28,6 @@ pub struct Tally {
     phones: Vec<PhoneTally>,
     same: BTreeMap<(usize, usize), u64>,
     constraints: ConstraintTally,
-    scheduled: Vec<ScheduledConstraint>,
     events: Vec<EventReport>,
     /// First and last epoch of the group.
     pub span: Option<(GpsTime, GpsTime)>,
@@ -60,7 +58,6 @@ impl Tally {
             span: None,
             same: BTreeMap::new(),
             constraints: ConstraintTally::default(),
-            scheduled: Vec::new(),
             events: Vec::new(),
             epochs: 0,
             common_epochs: 0,
@@ -70,7 +67,6 @@ impl Tally {
     /// Counts these constraints from now on, whether they ever act or not.
     pub fn schedule(&mut self, constraints: &[ScheduledConstraint]) {
         self.constraints = ConstraintTally::new(constraints, &self.names);
-        self.scheduled = constraints.to_vec();
     }
 
     /// Counts an epoch.
@@ -85,7 +81,7 @@ impl Tally {
         self.compare(&epoch.phones);
         self.constraints.push(epoch);
         for event in &epoch.events {
-            let told = self.told(event);
+            let told = EventReport::of(event, epoch, &self.names);
             tracing::warn!("{}: {}", told.time_gps, told.detail);
             self.events.push(told);
         }
@@ -94,25 +90,6 @@ impl Tally {
     /// What happened to the group's integrity.
     pub fn events(&self) -> Vec<EventReport> {
         self.events.clone()
-    }
-
-    fn told(&self, event: &IntegrityEvent) -> EventReport {
-        let names: Vec<&str> =
-            event.phones.iter().filter_map(|phone| self.names.get(*phone)).map(String::as_str).collect();
-        let phone = names.join(", ");
-        let detail = match event.kind {
-            EventKind::Isolated => format!("{phone} contradicts the other phones and is isolated"),
-            EventKind::Readmitted => format!("{phone} agrees with the other phones again"),
-            EventKind::ConstraintContradicted => {
-                let bound =
-                    event.constraint.and_then(|place| self.scheduled.get(place)).map(|s| s.constraint);
-                let bound =
-                    bound.map_or_else(String::new, |c| format!(" {} {}", c.name(), c.bounds_in_words()));
-                format!("the constraint{bound} on {phone} contradicts them")
-            }
-            EventKind::CannotTell => format!("{phone} contradict each other, and which is wrong is open"),
-        };
-        EventReport { time_gps: event.time_gps.iso(), phone, kind: event.kind, detail }
     }
 
     fn compare(&mut self, phones: &[FusedPhone]) {
