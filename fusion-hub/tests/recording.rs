@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 
 use cofix_common::frames::Ecef;
 use cofix_common::fusion::engine::FusedEpoch;
-use cofix_common::integrity::Verdict;
+use cofix_common::fusion::peers::{EventKind, IntegrityEvent};
+use cofix_common::integrity::{Cause, ProtectionLevels, Verdict};
 use cofix_common::measurement::Usage;
 use cofix_common::recording::{APPLICATION_ID, TIMELINE};
 use cofix_common::skips::Reason;
@@ -63,6 +64,18 @@ fn texts(store: &ChunkStore, entity: &str, component: rerun::ComponentIdentifier
     texts.flat_map(|row| row.iter().map(|text| text.as_str().to_owned()).collect::<Vec<_>>()).collect()
 }
 
+/// Seconds after the start and states of an entity; `None` is an empty row.
+fn states(store: &ChunkStore, entity: &str) -> Vec<(f64, Option<String>)> {
+    let component = rerun::StateChange::descriptor_state().component;
+    let chunks = chunks(store, entity);
+    let chunk = chunks.iter().find(|chunk| !chunk.is_static()).unwrap();
+    let states = chunk.iter_slices::<String>(component);
+    let states = states.map(|row| row.first().map(|state| state.as_str().to_owned()));
+    let seconds = |time_ns: &i64| (time_ns - start().as_unix_calendar_nanos()) as f64 / 1e9;
+    let times = chunk.timelines().values().next().unwrap().times_raw();
+    times.iter().map(seconds).zip(states).collect()
+}
+
 /// Records epochs of the small session after a change to each.
 fn record_changed(path: &Path, change: impl Fn(usize, &mut FusedEpoch)) -> Recorded {
     let mut recorder = Recorder::to_file(path, &SMALL.config()).unwrap();
@@ -109,6 +122,14 @@ fn all_entities_are_there() {
             "quality/pdop",
             "quality/hpl",
             "quality/vpl",
+            "quality/fused_hpl",
+            "quality/fused_vpl",
+            "quality/fused_vpl_below",
+            "integrity/verdict/wls",
+            "integrity/verdict/joint",
+            "integrity/group",
+            "integrity/diagram/horizontal/wls/bounded",
+            "integrity/diagram/vertical/joint/bounded",
             "raim",
         ] {
             let entity = format!("/phones/{phone}/{entity}");
@@ -121,6 +142,10 @@ fn all_entities_are_there() {
         "/distances/P1–P2/distance",
         "/distances/P1–P2/minimum",
         "/distances/P1–P2/maximum",
+        "/integrity/diagram/diagonal",
+        "/integrity/diagram/axes",
+        "/integrity/diagram/scale",
+        "/integrity/counts",
         "/accuracy",
     ] {
         assert!(!chunks(&store, entity).is_empty(), "{entity}");
@@ -243,10 +268,12 @@ fn a_layout_is_in_the_file() {
     let (_, blueprint) = stores.iter().find(|(id, _)| id.is_blueprint()).unwrap();
     let entities: Vec<_> = blueprint.iter_physical_chunks().map(|c| c.entity_path().to_string()).collect();
     assert!(entities.contains(&"/viewport".to_owned()));
+    let diagrams = entities.iter().filter(|e| e.ends_with("/VisualBounds2D")).count();
+    assert_eq!(diagrams, 4, "2 × (horizontal, vertical)");
     let axes = entities.iter().filter(|e| e.ends_with("/TimeAxis")).count();
     assert_eq!(
-        axes, 17,
-        "2 × (horizontal, vertical, C/N0, residuals), all joint, 2 of constraints, 6 of quality"
+        axes, 25,
+        "2 × (horizontal, vertical, 4 of levels, C/N0, residuals), all joint, 2 of constraints, 6 of quality"
     );
     let ids: Vec<_> = stores.iter().map(|(id, _)| id.recording_id().clone()).collect();
     let (_other_directory, other) = scratch();
@@ -361,7 +388,8 @@ fn full_session_stays_small() {
     let recorded = session.record(Recorder::to_file(&path, &session.config()).unwrap());
     println!("{} bytes in {:?}: {}", recorded.bytes, begun.elapsed(), path.display());
     assert_eq!(recorded.epochs, 640);
-    assert!(recorded.bytes < 20_000_000, "{} bytes", recorded.bytes);
+    // An hour of these takes less than 50 MB.
+    assert!(recorded.bytes < 50_000_000 * 640 / 3_600, "{} bytes", recorded.bytes);
     assert!(recorded.skips.is_empty(), "{}", recorded.skips);
     // Columns in segments, not rows: two segments and a style for each of the scalars.
     assert!(recording(&path).num_physical_chunks() < 2_000);
@@ -380,16 +408,131 @@ fn usage_is_recorded_where_it_changes() {
         }
     });
     let store = recording(&path);
-    let usage = chunks(&store, "/phones/P1/satellites/usage/E02\\ 1C");
-    let chunk = usage.iter().find(|chunk| !chunk.is_static()).unwrap();
-    let state = rerun::StateChange::descriptor_state().component;
-    let states: Vec<_> =
-        chunk.iter_slices::<String>(state).map(|row| row.first().map(|s| s.as_str().to_owned())).collect();
     let named = |name: &str| Some(name.to_owned());
-    assert_eq!(states, [named("used"), named("excluded"), named("used"), None]);
-    let times = chunk.timelines().values().next().unwrap().times_raw();
-    let expected = [0.0, 4.0, 7.0, 15.0].map(|t| (start() + t - MESSAGE_LEAD_S).as_unix_calendar_nanos());
-    assert_eq!(times, expected);
+    let expected = [(0.0, named("used")), (4.0, named("excluded")), (7.0, named("used")), (15.0, None)];
+    let expected = expected.map(|(second, state)| (second - MESSAGE_LEAD_S, state));
+    assert_eq!(states(&store, "/phones/P1/satellites/usage/E02\\ 1C"), expected);
+}
+
+#[test]
+fn verdicts_are_recorded_where_they_change() {
+    let (_directory, path) = scratch();
+    record_changed(&path, |index, epoch| {
+        let verdict = match index {
+            5 => Verdict::Unreliable(Cause::Peers),
+            6..8 => Verdict::CannotBeChecked,
+            _ => Verdict::Reliable,
+        };
+        epoch.phones[0].verdict = Some(verdict);
+        if index == 12 {
+            epoch.phones[0].message = None;
+            epoch.phones[0].verdict = None;
+        }
+    });
+    let store = recording(&path);
+    let named = |name: &str| Some(name.to_owned());
+    let expected = [
+        (0.0, named("reliable")),
+        (5.0, named("unreliable: contradicts the other phones")),
+        (6.0, named("cannot be checked")),
+        (8.0, named("reliable")),
+        (12.0, None),
+        (13.0, named("reliable")),
+    ];
+    assert_eq!(states(&store, "/phones/P1/integrity/verdict/joint"), expected);
+    let own = states(&store, "/phones/P1/integrity/verdict/wls");
+    let expected = [
+        (0.0, named("reliable")),
+        (5.0, named("unreliable: tests failed")),
+        (6.0, named("reliable")),
+        (12.0 + MESSAGE_LEAD_S, None),
+        (13.0, named("reliable")),
+    ];
+    assert_eq!(own, expected.map(|(second, state)| (second - MESSAGE_LEAD_S, state)));
+}
+
+#[test]
+fn who_was_isolated_when_is_recorded() {
+    let (_directory, path) = scratch();
+    record_changed(&path, |index, epoch| {
+        let kinds = match index {
+            4 => &[EventKind::Isolated][..],
+            9 => &[EventKind::Readmitted, EventKind::CannotTell],
+            _ => &[],
+        };
+        let event = |kind: &EventKind| {
+            let phones = if *kind == EventKind::CannotTell { vec![0, 1] } else { vec![1] };
+            IntegrityEvent { time_gps: epoch.time_gps, phones, constraint: None, kind: *kind }
+        };
+        epoch.events = kinds.iter().map(event).collect();
+    });
+    let store = recording(&path);
+    let named = |name: &str| Some(name.to_owned());
+    let expected = [(0.0, named("with the group")), (4.0, named("isolated")), (9.0, named("with the group"))];
+    assert_eq!(states(&store, "/phones/P2/integrity/group"), expected);
+    assert_eq!(states(&store, "/phones/P1/integrity/group"), expected[..1]);
+    let lines = texts(&store, "/integrity/log", rerun::TextLog::descriptor_text().component);
+    let expected = [
+        "14:30:04 GPS P2 contradicts the other phones and is isolated",
+        "14:30:09 GPS P2 agrees with the other phones again",
+        "14:30:09 GPS P1, P2 contradict each other, and which is wrong is open",
+    ];
+    assert_eq!(lines, expected);
+    let levels = texts(&store, "/integrity/log", rerun::TextLog::descriptor_level().component);
+    assert_eq!(levels, ["ERROR", "INFO", "WARN"]);
+}
+
+#[test]
+fn levels_below_errors_have_an_entity_of_their_own() {
+    let (_directory, path) = scratch();
+    record_changed(&path, |index, epoch| {
+        let phone = &mut epoch.phones[0];
+        match index {
+            2 => phone.protection = Some(ProtectionLevels { horizontal_m: 1e-6, vertical_m: 14.0 }),
+            3 => phone.protection = None,
+            // Not reliable, so nothing is claimed.
+            4 => {
+                phone.protection = Some(ProtectionLevels { horizontal_m: 1e-6, vertical_m: 1e-6 });
+                phone.verdict = Some(Verdict::Unreliable(Cause::TestsFailed));
+            }
+            _ => (),
+        }
+    });
+    let store = recording(&path);
+    let points = |entity: &str| -> Vec<[f32; 2]> {
+        let component = rerun::Points2D::descriptor_positions().component;
+        let chunks = chunks(&store, &format!("/phones/P1/integrity/diagram/{entity}"));
+        let slices = chunks.iter().flat_map(|chunk| chunk.iter_slices::<[f32; 2]>(component));
+        slices.flat_map(<[_]>::to_vec).collect()
+    };
+    // Of 20 epochs two are not reliable: the fourth here, and the fifth of the session.
+    assert_eq!(points("horizontal/joint/bounded").len(), 16);
+    let [misleading] = points("horizontal/joint/misleading")[..] else { panic!("one point") };
+    let errors = scalars(&store, "/phones/P1/error/horizontal/joint");
+    assert!((f64::from(misleading[0]) - errors[2].1.unwrap()).abs() < 1e-5);
+    assert!((f64::from(misleading[1]) + 1e-6).abs() < 1e-9, "the axis points down");
+    assert_eq!(points("vertical/joint/bounded").len(), 17);
+    assert!(points("vertical/joint/misleading").is_empty());
+    let counts = texts(&store, "/integrity/counts", rerun::TextDocument::descriptor_text().component);
+    assert!(counts[0].contains("| joint | P1 | 18 | 88.89 % | 94.44 % | 2 |"), "{}", counts[0]);
+    let level = scalars(&store, "/phones/P1/quality/fused_hpl");
+    assert_eq!((level[1].1, level[2].1, level[3].1), (Some(8.0), Some(1e-6), None));
+    assert_eq!(scalars(&store, "/phones/P1/quality/fused_vpl_below")[1].1, Some(-14.0));
+}
+
+#[test]
+fn without_a_truth_there_are_no_diagrams() {
+    let (_directory, path) = scratch();
+    let mut recorder = Recorder::to_file(&path, &SMALL.config()).unwrap();
+    SMALL.epochs().for_each(|epoch| recorder.record(&epoch, &[]).unwrap());
+    recorder.finish("").unwrap();
+    let stores = read(&path);
+    let all: Vec<String> = stores
+        .iter()
+        .flat_map(|(_, store)| store.iter_physical_chunks().map(|chunk| chunk.entity_path().to_string()))
+        .collect();
+    assert!(!all.iter().any(|entity| entity.contains("diagram") || entity.contains("VisualBounds2D")));
+    assert!(all.contains(&"/phones/P1/integrity/group".to_owned()));
 }
 
 #[test]

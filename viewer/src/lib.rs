@@ -1,6 +1,7 @@
 //! Recordings of the fusion hub: a summary in text, and the Rerun viewer.
 
 mod error;
+pub mod integrity;
 pub mod open;
 mod read;
 pub mod summary;

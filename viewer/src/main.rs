@@ -20,7 +20,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Prints time span, phones, accuracy table and contents of a recording.
+    /// Prints time span, phones, integrity, accuracy table and contents of a recording.
     Summary {
         /// The recording (.rrd).
         file: PathBuf,

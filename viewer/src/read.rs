@@ -1,7 +1,7 @@
 //! Reads an `.rrd` file message by message, as far as it goes.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -28,8 +28,10 @@ pub(crate) struct Contents {
 /// # Errors
 /// When it cannot be opened, or is no Rerun recording at all.
 pub(crate) fn read(path: &Path) -> Result<Contents, SummaryError> {
-    let file = File::open(path).map_err(|source| SummaryError::Open { path: path.to_owned(), source })?;
-    let mut decoder = guarded(|| DecoderApp::decode_eager(BufReader::new(file)))
+    let mut file = File::open(path).map_err(|source| SummaryError::Open { path: path.to_owned(), source })?;
+    let damaged_mark = damaged_end_mark(&mut file);
+    let end = damaged_mark.unwrap_or(u64::MAX);
+    let mut decoder = guarded(|| DecoderApp::decode_eager(BufReader::new(file.take(end))))
         .map_err(|message| SummaryError::NotARecording { path: path.to_owned(), message })?
         .map_err(|error| not_a_recording(path, &error))?;
     let mut contents =
@@ -50,10 +52,26 @@ pub(crate) fn read(path: &Path) -> Result<Contents, SummaryError> {
         }
     }
     let ends = guarded(|| decoder.rrd_manifests().is_ok_and(|manifests| !manifests.is_empty()));
-    if ends != Ok(true) {
+    if damaged_mark.is_some() {
+        contents.damage = Some(format!("the file's end mark, after message {messages}, is damaged"));
+    } else if ends != Ok(true) {
         contents.damage = Some(format!("the file ends after message {messages}, without its end mark"));
     }
     Ok(contents)
+}
+
+/// Where a file's end mark begins if its number of entries is damaged: for that number the decoder would take gigabytes of memory and end the
+/// program. A recording has one entry. `None` also for what is no file, as a pipe.
+fn damaged_end_mark(file: &mut File) -> Option<u64> {
+    const MARK: &[u8] = b"RRF2FOOT";
+    let mut last = [0; 12]; // the mark and the number of entries
+    let length = file.seek(SeekFrom::End(0)).ok()?;
+    let start = length.checked_sub(last.len() as u64);
+    let is_read = start
+        .is_some_and(|start| file.seek(SeekFrom::Start(start)).is_ok() && file.read_exact(&mut last).is_ok());
+    file.rewind().ok()?;
+    let is_damaged = is_read && last.strip_prefix(MARK).is_some_and(|count| count != 1_u32.to_le_bytes());
+    start.filter(|_| is_damaged)
 }
 
 /// Calls the decoder, which panics on some damaged files instead of returning an error.

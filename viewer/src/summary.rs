@@ -13,6 +13,7 @@ use rerun::log::Chunk;
 use rerun::{EntityPath, EntityPathPart, RecordingInfo, TextDocument};
 
 pub use crate::error::SummaryError;
+use crate::integrity::{Integrity, IntegrityRows};
 use crate::read::{Contents, read};
 
 /// Size of an entity, or of a group of like entities.
@@ -41,6 +42,8 @@ pub struct Summary {
     pub entities: BTreeMap<String, Amount>,
     /// The same, phones, satellites, pairs and constraints taken together.
     pub groups: BTreeMap<String, Amount>,
+    /// Verdicts, protection levels and events.
+    pub integrity: Integrity,
     /// The accuracy table, Markdown.
     pub accuracy: Option<String>,
     /// Whether the file brings its layout.
@@ -62,8 +65,10 @@ impl Summary {
         let mut summary = Self::empty(path, bytes, &contents);
         let mut span_ns: Option<(i64, i64)> = None;
         let mut phones = BTreeSet::new();
+        let mut integrity = IntegrityRows::default();
         for (_, chunk) in contents.chunks.iter().filter(|(store, _)| *store == id) {
             summary.add(chunk, &mut phones);
+            integrity.add(chunk);
             if let Some(column) = chunk.timelines().values().find(|c| c.name() == TIMELINE) {
                 for &time in column.times_raw() {
                     let (first, last) = span_ns.unwrap_or((time, time));
@@ -71,6 +76,7 @@ impl Summary {
                 }
             }
         }
+        summary.integrity = integrity.integrity();
         summary.phones = phones.into_iter().collect();
         summary.span_gps = span_ns.map(|(first, last)| (gps_time(first), gps_time(last)));
         for (entity, amount) in &summary.entities {
@@ -105,6 +111,7 @@ impl Summary {
             span_gps: None,
             entities: BTreeMap::new(),
             groups: BTreeMap::new(),
+            integrity: Integrity::default(),
             accuracy: None,
             has_layout: contents.has_layout,
             warnings,
@@ -158,6 +165,7 @@ impl Summary {
             writeln!(text, "{TIMELINE}: {} to {last}, {:.1} s", first.iso(), last - first)?;
         }
         writeln!(text, "phones: {} ({})", self.phones.len(), self.phones.join(", "))?;
+        self.integrity.write(text)?;
         if let Some(accuracy) = &self.accuracy {
             writeln!(text, "\n{}", accuracy.trim_end())?;
         }

@@ -118,6 +118,18 @@ fn a_file_that_was_cut_off_is_summarised_as_far_as_it_goes() {
 }
 
 #[test]
+fn a_damaged_end_mark_costs_no_memory() {
+    let (directory, path) = recorded();
+    let mut damaged = std::fs::read(&path).unwrap();
+    let count = damaged.len() - 4;
+    damaged[count + 3] = 0x55; // a milliard entries
+    let file = directory.path().join("damaged.rrd");
+    std::fs::write(&file, &damaged).unwrap();
+    let text = stdout(&mut summarise(&file));
+    assert!(text.contains("end mark") && text.contains("is damaged") && text.contains("P1"), "{text}");
+}
+
+#[test]
 fn a_recording_of_another_program_is_refused() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("other.rrd");

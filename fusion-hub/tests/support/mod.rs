@@ -126,6 +126,7 @@ impl Session {
         let state = Some(state(at(time_gps, 0.55, 0.05, noise), 0.6));
         FusedPhone {
             verdict: message.as_ref().map(|message| message.raim.verdict),
+            protection: Some(ProtectionLevels { horizontal_m: 8.0, vertical_m: 14.0 }),
             message,
             state,
             ..FusedPhone::default()

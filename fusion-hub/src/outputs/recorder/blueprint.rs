@@ -59,14 +59,14 @@ impl From<View> for Node {
     }
 }
 
-/// Children side by side.
-pub(super) fn horizontal(children: Vec<(f32, Node)>) -> Node {
-    container(ContainerKind::Horizontal, "", children)
+/// Children side by side. The name is shown where the container is a tab.
+pub(super) fn horizontal(name: &str, children: Vec<(f32, Node)>) -> Node {
+    container(ContainerKind::Horizontal, name, children)
 }
 
-/// Children one below the other.
-pub(super) fn vertical(children: Vec<(f32, Node)>) -> Node {
-    container(ContainerKind::Vertical, "", children)
+/// Children one below the other. The name is shown where the container is a tab.
+pub(super) fn vertical(name: &str, children: Vec<(f32, Node)>) -> Node {
+    container(ContainerKind::Vertical, name, children)
 }
 
 /// Children as tabs, the first one open.

@@ -1,6 +1,6 @@
 //! Entity paths and styles: one colour per method, everywhere.
 
-use cofix_common::recording::PHONES;
+use cofix_common::recording::{EPOCH_WISE, FUSED, PHONES};
 use rerun::external::re_log_types::EntityPathPart;
 use rerun::{Color, EntityPath};
 
@@ -26,9 +26,9 @@ impl Method {
     /// The name in paths and legends.
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Wls => "wls",
+            Self::Wls => EPOCH_WISE,
             Self::Local => "local",
-            Self::Joint => "joint",
+            Self::Joint => FUSED,
             Self::Truth => "truth",
         }
     }

@@ -1,17 +1,18 @@
-//! The group's part of a recording: constraints that acted, distances with their bounds.
+//! The group's part of a recording: constraints that acted, distances with their bounds, events of integrity.
 
 use std::collections::BTreeMap;
 
 use cofix_common::constraint::{ConstraintAction, ConstraintOutcome};
-use cofix_common::fusion::engine::PairDistance;
-use cofix_common::recording::{CONSTRAINTS, DISTANCES};
+use cofix_common::fusion::engine::{FusedEpoch, PairDistance};
+use cofix_common::fusion::peers::EventKind;
+use cofix_common::recording::{CONSTRAINTS, DISTANCES, INTEGRITY, LOG};
 use cofix_common::skips::Skips;
 use rerun::{Color, TextLogLevel};
 
 use super::entity::{Method, bound_colour, pair_name, palette, path};
 use super::rrd::{RecorderError, RrdFile};
 use super::series::{LogLines, Series, Style};
-use crate::report::label;
+use crate::report::{EventReport, label};
 
 /// One constraint's actions.
 #[derive(Debug)]
@@ -35,6 +36,7 @@ pub(super) struct GroupRecorder {
     phones: Vec<String>,
     actions: BTreeMap<String, Actions>,
     distances: BTreeMap<(usize, usize), PairSeries>,
+    events: LogLines,
 }
 
 impl Actions {
@@ -42,7 +44,7 @@ impl Actions {
         let style = Style::Marks { name: name.to_owned(), colour };
         Self {
             shift: Series::new(path([CONSTRAINTS, name, "shift"]), style),
-            log: LogLines::new(path([CONSTRAINTS, name, "log"])),
+            log: LogLines::new(path([CONSTRAINTS, name, LOG])),
         }
     }
 }
@@ -71,7 +73,23 @@ impl PairSeries {
 
 impl GroupRecorder {
     pub fn new(phones: &[String]) -> Self {
-        Self { phones: phones.to_vec(), actions: BTreeMap::new(), distances: BTreeMap::new() }
+        Self {
+            phones: phones.to_vec(),
+            actions: BTreeMap::new(),
+            distances: BTreeMap::new(),
+            events: LogLines::new(path([INTEGRITY, LOG])),
+        }
+    }
+
+    pub fn push_events(&mut self, time_ns: i64, epoch: &FusedEpoch) {
+        for event in &epoch.events {
+            let level = match event.kind {
+                EventKind::Isolated => TextLogLevel::ERROR,
+                EventKind::ConstraintContradicted | EventKind::CannotTell => TextLogLevel::WARN,
+                EventKind::Readmitted => TextLogLevel::INFO,
+            };
+            self.events.push(time_ns, level, &EventReport::of(event, epoch, &self.phones).detail);
+        }
     }
 
     pub fn push_actions(&mut self, time_ns: i64, actions: &[ConstraintAction], skips: &mut Skips) {
@@ -117,7 +135,7 @@ impl GroupRecorder {
             distance.minimum.write_segment(file)?;
             distance.maximum.write_segment(file)?;
         }
-        Ok(())
+        self.events.write_segment(file)
     }
 
     /// Names of all pairs so far.

@@ -1,6 +1,10 @@
 //! The default layout of a recording.
 
-use cofix_common::recording::{ACCURACY, CONSTRAINTS, DISTANCES, SATELLITES, TIMELINE};
+use cofix_common::recording::{
+    ACCURACY, CONSTRAINTS, DISTANCES, ERROR, FUSED, FUSED_LEVELS, HORIZONTAL, INTEGRITY, LOG, QUALITY,
+    SATELLITES, TIMELINE, VERTICAL,
+};
+use rerun::EntityPath;
 use rerun::blueprint::components::{
     BackgroundKind, Corner2D, LinkAxis, PanelState, PlayState, TextLogColumn, TimeRange, TimelineColumn,
     TimelineName,
@@ -8,36 +12,74 @@ use rerun::blueprint::components::{
 use rerun::blueprint::datatypes::{self, TextLogColumnKind};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     Background, EyeControls3D, PanelBlueprint, PlotLegend, ScalarAxis, TextLogColumns, TimeAxis,
-    TimePanelBlueprint,
+    TimePanelBlueprint, VisualBounds2D,
 };
-use rerun::external::re_sdk_types::datatypes::{TimeInt, TimeRange as Range, TimeRangeBoundary};
+use rerun::external::re_sdk_types::datatypes::{Range2D, TimeInt, TimeRange as Range, TimeRangeBoundary};
 
 use super::blueprint::{Entities, Node, View, entities, horizontal, tabs, vertical};
 use super::entity::{Method, path, phone_path, subtree};
 use super::focus::focus_path;
+use super::integrity::{group_path, lower_level_path, verdict_path};
+use super::stanford::{counts_path, diagram_path, scale_path};
 
 /// Position of the eye of the 3D view relative to its target: only the direction counts.
 const EYE_ENU_M: [f32; 3] = [0.0, -10.0, 20.0];
 /// Range of the plots of C/N0, dB-Hz.
 const CN0_RANGE_DBHZ: [f64; 2] = [10.0, 55.0];
 
-/// The layout for the named phones and the recording's time span.
-pub(super) fn layout(phones: &[String], pairs: &[String], span_ns: Option<(i64, i64)>) -> Entities {
-    let plots = Plots { span_ns };
-    let left = vertical(vec![(3.0, map(phones)), (3.0, enu(phones))]);
-    let middle = vertical(vec![
-        (3.0, plots.errors(phones)),
-        (2.0, plots.distances(pairs)),
-        (3.0, plots.signals(phones)),
-    ]);
-    let right = vertical(vec![(2.0, accuracy()), (3.0, log(phones))]);
-    let root = horizontal(vec![(3.0, left), (4.0, middle), (3.0, right)]);
+/// What a layout is for.
+#[derive(Clone, Copy)]
+pub(super) struct Shape<'a> {
+    /// The phones' names.
+    pub phones: &'a [String],
+    /// Names of the pairs of phones with a distance.
+    pub pairs: &'a [String],
+    /// First and last time of the recording.
+    pub span_ns: Option<(i64, i64)>,
+    /// Length of the axes of the diagrams of levels and errors, m; `None` without a truth.
+    pub diagram_m: Option<f64>,
+}
+
+/// The layout: a page with everything, and one of integrity.
+pub(super) fn layout(shape: Shape<'_>) -> Entities {
+    let root = tabs("", vec![session(shape), integrity(shape)]);
     let mut entities = match root {
         Node::Container(root) => entities(root),
         Node::View(_) => Entities::new(),
     };
     entities.extend(panels());
     entities
+}
+
+fn session(Shape { phones, pairs, span_ns, .. }: Shape<'_>) -> Node {
+    let plots = Plots { span_ns };
+    let left = vertical("", vec![(3.0, map(phones)), (3.0, enu(phones))]);
+    let middle = vertical(
+        "",
+        vec![(3.0, plots.errors(phones)), (2.0, plots.distances(pairs)), (3.0, plots.signals(phones))],
+    );
+    let right = vertical("", vec![(2.0, accuracy()), (3.0, log(phones))]);
+    horizontal("Session", vec![(3.0, left), (4.0, middle), (3.0, right)])
+}
+
+fn integrity(Shape { phones, span_ns, diagram_m, .. }: Shape<'_>) -> Node {
+    let plots = Plots { span_ns };
+    let events = log_view("Events", vec![subtree(&path([INTEGRITY, LOG]))]);
+    let mut columns = Vec::new();
+    if let Some(axes_m) = diagram_m {
+        let of_phone = |phone: &String| {
+            let [level_of_heights, level] =
+                [VERTICAL, HORIZONTAL].map(|direction| diagram(phone, direction, axes_m));
+            vertical(phone, vec![(1.0, level), (1.0, level_of_heights)])
+        };
+        columns.push((3.0, tabs("Levels over errors", phones.iter().map(of_phone).collect())));
+    }
+    columns.push((4.0, vertical("", vec![(3.0, plots.levels("Levels", phones)), (2.0, states(phones))])));
+    let counts = View::new("TextDocument", "Reliable epochs", vec![subtree(&counts_path())]);
+    let mut right = Vec::from_iter(diagram_m.map(|_| (2.0, counts.into())));
+    right.push((3.0, events.into()));
+    columns.push((3.0, vertical("", right)));
+    horizontal("Integrity", columns)
 }
 
 fn panels() -> Entities {
@@ -68,9 +110,8 @@ fn enu(phones: &[String]) -> Node {
         .with_position(EYE_ENU_M)
         .with_look_target([0.0, 0.0, 0.0])
         .with_tracking_entity(focus_path().to_string());
-    let black = Background::new(BackgroundKind::SolidColor).with_color(rerun::Color::from_rgb(0, 0, 0));
     View::new("3D", "East, north, up (m) with 1σ ellipsoids", contents)
-        .with("Background", black)
+        .with("Background", black())
         .with("EyeControls3D", eye)
         .into()
 }
@@ -80,21 +121,56 @@ fn accuracy() -> Node {
 }
 
 fn log(phones: &[String]) -> Node {
-    let view = |name, contents| {
-        let columns = TextLogColumns::new()
-            .with_timeline_columns([TimelineColumn(datatypes::TimelineColumn {
-                visible: true.into(),
-                timeline: TIMELINE.into(),
-            })])
-            .with_text_log_columns(
-                [TextLogColumnKind::LogLevel, TextLogColumnKind::Body]
-                    .map(|kind| TextLogColumn(datatypes::TextLogColumn { visible: true.into(), kind })),
-            );
-        View::new("TextLog", name, contents).with("TextLogColumns", columns)
-    };
-    let constraints = view("Constraints", vec![subtree(&path([CONSTRAINTS]))]);
-    let raim = view("RAIM", all(phones, &["raim"]));
+    let constraints = log_view("Constraints", vec![subtree(&path([CONSTRAINTS]))]);
+    let raim = log_view("RAIM", all(phones, &["raim"]));
     tabs("Log", vec![raim.into(), constraints.into()])
+}
+
+fn log_view(name: &str, contents: Vec<String>) -> View {
+    let columns = TextLogColumns::new()
+        .with_timeline_columns([TimelineColumn(datatypes::TimelineColumn {
+            visible: true.into(),
+            timeline: TIMELINE.into(),
+        })])
+        .with_text_log_columns(
+            [TextLogColumnKind::LogLevel, TextLogColumnKind::Body]
+                .map(|kind| TextLogColumn(datatypes::TextLogColumn { visible: true.into(), kind })),
+        );
+    View::new("TextLog", name, contents).with("TextLogColumns", columns)
+}
+
+/// Levels over errors of one phone. The vertical axis of a 2D view points down.
+fn diagram(phone: &str, direction: &str, axes_m: f64) -> Node {
+    let contents = vec![subtree(&diagram_path(phone, direction)), subtree(&scale_path())];
+    let margin_m = 0.1 * axes_m;
+    let bounds = Range2D {
+        x_range: [-2.0 * margin_m, axes_m + margin_m].into(), // with room for the scale
+        y_range: [-axes_m - margin_m, margin_m].into(),
+    };
+    let title = format!("{phone} {direction}: protection level over error (m), fused and epoch-wise");
+    View::new("2D", title, contents)
+        .with("VisualBounds2D", VisualBounds2D::new(bounds))
+        .with("Background", black())
+        .into()
+}
+
+/// Who was isolated when, and the verdicts.
+fn states(phones: &[String]) -> Node {
+    let entities = |of: &dyn Fn(&str) -> EntityPath| -> Vec<String> {
+        phones.iter().map(|phone| subtree(&of(phone))).collect()
+    };
+    let verdicts = |method| entities(&|phone| verdict_path(phone, method));
+    let view = |name, contents| View::new("StateTimeline", name, contents).into();
+    let views = vec![
+        view("Isolated phones", entities(&group_path)),
+        view("Fused verdicts", verdicts(Method::Joint)),
+        view("Epoch-wise verdicts", verdicts(Method::Wls)),
+    ];
+    tabs("States", views)
+}
+
+fn black() -> Background {
+    Background::new(BackgroundKind::SolidColor).with_color(rerun::Color::from_rgb(0, 0, 0))
 }
 
 /// Plots over the whole recording.
@@ -112,19 +188,37 @@ impl Plots {
     }
 
     fn errors(&self, phones: &[String]) -> Node {
-        let joint = phones
-            .iter()
-            .map(|phone| subtree(&phone_path(phone, ["error", "horizontal", Method::Joint.name()])));
+        let joint = phones.iter().map(|phone| subtree(&phone_path(phone, [ERROR, HORIZONTAL, FUSED])));
         let all_phones = self.view("Horizontal error, joint (m)", joint.collect());
         let of_phone = |direction: &'static str, phone: &String| {
-            let contents = vec![subtree(&phone_path(phone, ["error", direction]))];
+            let contents = vec![subtree(&phone_path(phone, [ERROR, direction]))];
             self.view(format!("{phone} {direction} error (m)"), contents)
                 .with("PlotLegend", PlotLegend::new().with_corner(Corner2D::RightTop))
         };
-        let mut children: Vec<Node> = phones.iter().map(|p| of_phone("horizontal", p).into()).collect();
+        let mut children: Vec<Node> = phones.iter().map(|p| of_phone(HORIZONTAL, p).into()).collect();
         children.push(all_phones.into());
-        children.extend(phones.iter().map(|p| of_phone("vertical", p).into()));
+        children.extend(phones.iter().map(|p| of_phone(VERTICAL, p).into()));
+        children.push(self.levels("Levels", phones));
         tabs("Errors", children)
+    }
+
+    /// Protection levels of the fused positions over time, above their errors.
+    fn levels(&self, name: &str, phones: &[String]) -> Node {
+        let of_phone = |phone: &String| {
+            let error = |direction| subtree(&phone_path(phone, [ERROR, direction, FUSED]));
+            let [hpl, vpl] = FUSED_LEVELS.map(|level| subtree(&phone_path(phone, [QUALITY, level])));
+            let lower = subtree(&lower_level_path(phone));
+            let horizontal = format!("{phone} horizontal error and HPL, fused (m)");
+            let heights = format!("{phone} vertical error and ±VPL, fused (m)");
+            vertical(
+                phone,
+                vec![
+                    (1.0, self.view(horizontal, vec![error(HORIZONTAL), hpl]).into()),
+                    (1.0, self.view(heights, vec![error(VERTICAL), vpl, lower]).into()),
+                ],
+            )
+        };
+        tabs(name, phones.iter().map(of_phone).collect())
     }
 
     fn distances(&self, pairs: &[String]) -> Node {
@@ -152,12 +246,12 @@ impl Plots {
             let contents = vec![subtree(&phone_path(phone, [SATELLITES, "usage"]))];
             children.push(View::new("StateTimeline", format!("{phone} use"), contents).into());
         }
-        children.push(self.view("Satellites used", all(phones, &["quality", "satellites"])).into());
-        children.push(self.view("PDOP", all(phones, &["quality", "pdop"])).into());
-        children.push(self.view("Horizontal protection level", all(phones, &["quality", "hpl"])).into());
-        children.push(self.view("Vertical protection level", all(phones, &["quality", "vpl"])).into());
-        children.push(self.view("Innovation of the code", all(phones, &["quality", "code_nis"])).into());
-        children.push(self.view("Rejected measurements", all(phones, &["quality", "rejected"])).into());
+        children.push(self.view("Satellites used", all(phones, &[QUALITY, "satellites"])).into());
+        children.push(self.view("PDOP", all(phones, &[QUALITY, "pdop"])).into());
+        children.push(self.view("Horizontal protection level", all(phones, &[QUALITY, "hpl"])).into());
+        children.push(self.view("Vertical protection level", all(phones, &[QUALITY, "vpl"])).into());
+        children.push(self.view("Innovation of the code", all(phones, &[QUALITY, "code_nis"])).into());
+        children.push(self.view("Rejected measurements", all(phones, &[QUALITY, "rejected"])).into());
         tabs("Signals", children)
     }
 }

@@ -21,8 +21,15 @@
 //! | `/phones/<phone>/quality/satellites` | `Scalars`, satellites used |
 //! | `/phones/<phone>/quality/pdop` | `Scalars` |
 //! | `/phones/<phone>/quality/hpl`, `…/vpl` | `Scalars`: protection levels of the epoch-wise solution, m |
+//! | `/phones/<phone>/quality/fused_hpl`, `…/fused_vpl` | `Scalars`: protection levels of the fused position, m; `…/fused_vpl_below` is the negative of the latter |
 //! | `/phones/<phone>/quality/code_nis`, `…/rejected` | `Scalars`: innovation of the code squared per row (1 if the model is right), measurements without weight, of the filter without constraints |
 //! | `/phones/<phone>/raim` | `TextLog`, verdicts that changed or are not reliable |
+//! | `/phones/<phone>/integrity/verdict/<method>` | `StateChange`, verdict on the position by `wls` or `joint`, one row per change |
+//! | `/phones/<phone>/integrity/group` | `StateChange`, `with the group` or `isolated`, one row per change |
+//! | `/phones/<phone>/integrity/diagram/<direction>/<method>/bounded`, `…/misleading` | `Points2D`, m, (error, −level) of reliable epochs with a truth, static; `horizontal` and `vertical`, `wls` and `joint` |
+//! | `/integrity/diagram/diagonal`, `…/axes`, `…/scale` | the same for all diagrams, static |
+//! | `/integrity/counts` | `TextDocument`, reliable epochs with a truth, how many the levels bound, how many mislead, static |
+//! | `/integrity/log` | `TextLog`, phones isolated and taken in again, contradicted constraints, contradictions that are open |
 //! | `/constraints/<constraint>/shift` | `Scalars`, m, only where the constraint acted |
 //! | `/constraints/<constraint>/log` | `TextLog`, before → after |
 //! | `/distances/<a>–<b>/distance`, `…/sigma` | `Scalars`, m |
@@ -42,12 +49,14 @@ mod blueprint;
 mod entity;
 mod focus;
 mod group;
+mod integrity;
 mod layout;
 mod phone;
 mod rows;
 mod rrd;
 mod series;
 mod signals;
+mod stanford;
 mod track;
 
 use std::path::Path;
@@ -63,9 +72,11 @@ use rerun::{RecordingInfo, TextDocument, components::MediaType};
 use self::entity::palette;
 use self::focus::Focus;
 use self::group::GroupRecorder;
+use self::layout::Shape;
 use self::phone::{Epoch, PhoneRecorder, recordable};
 pub use self::rrd::RecorderError;
 use self::rrd::RrdFile;
+use self::stanford::Claims;
 use self::track::drawable;
 use crate::report::scores::Reference;
 
@@ -178,6 +189,13 @@ impl Recorder {
             });
         }
         let frame = self.local_frame(epoch, truth);
+        for event in &epoch.events {
+            for phone in &event.phones {
+                if let Some(phone) = self.phones.get_mut(*phone) {
+                    phone.take(event);
+                }
+            }
+        }
         for (index, (recorder, phone)) in self.phones.iter_mut().zip(&epoch.phones).enumerate() {
             let message_time = phone.message.as_ref().map_or(epoch.time_gps, |m| m.time_gps);
             let Some(message_time_ns) = recordable(message_time) else {
@@ -193,6 +211,7 @@ impl Recorder {
         self.focus.push(time_ns, &frame, &epoch.phones);
         self.group.push_actions(time_ns, &epoch.actions, &mut self.skips);
         self.group.push_distances(time_ns, &epoch.distances, &mut self.skips);
+        self.group.push_events(time_ns, epoch);
         let (first, last) = self.span_ns.unwrap_or((time_ns, time_ns));
         self.span_ns = Some((first.min(time_ns), last.max(time_ns)));
         self.epochs += 1;
@@ -205,7 +224,8 @@ impl Recorder {
         &self.skips
     }
 
-    /// Writes the remaining rows, the whole tracks, the accuracy table (Markdown) and the layout; ends the file.
+    /// Writes the remaining rows, the whole tracks, the diagrams of levels and errors, the accuracy table (Markdown) and the layout;
+    /// ends the file.
     ///
     /// # Errors
     /// When the file cannot be written to its end.
@@ -214,7 +234,11 @@ impl Recorder {
         self.phones.iter().try_for_each(|phone| phone.write_lines(&mut self.file))?;
         let table = TextDocument::new(accuracy).with_media_type(MediaType::MARKDOWN);
         self.file.write_static(&entity::path([ACCURACY]), &table)?;
-        self.file.write_blueprint(&layout::layout(&self.config.phones, &self.group.pairs(), self.span_ns))?;
+        let claims: Vec<&Claims> = self.phones.iter().flat_map(PhoneRecorder::claims).collect();
+        let diagram_m = stanford::write(&claims, &mut self.file)?;
+        let pairs = self.group.pairs();
+        let shape = Shape { phones: &self.config.phones, pairs: &pairs, span_ns: self.span_ns, diagram_m };
+        self.file.write_blueprint(&layout::layout(shape))?;
         let bytes = self.file.finish()?;
         Ok(Recorded { epochs: self.epochs, bytes, skips: self.skips })
     }

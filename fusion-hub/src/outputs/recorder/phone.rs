@@ -2,7 +2,9 @@
 
 use cofix_common::frames::{Ecef, LocalFrame};
 use cofix_common::fusion::engine::FusedPhone;
+use cofix_common::fusion::peers::IntegrityEvent;
 use cofix_common::integrity::{Cause, RaimReport, Verdict};
+use cofix_common::recording::{ERROR, HORIZONTAL, LEVELS, QUALITY, VERTICAL};
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
@@ -10,9 +12,11 @@ use nalgebra::Matrix3;
 use rerun::{Color, TextLogLevel};
 
 use super::entity::{Method, phone_path};
+use super::integrity::{PhoneIntegrity, Said};
 use super::rrd::{RecorderError, RrdFile};
 use super::series::{LogLines, Series, Style};
 use super::signals::Signals;
+use super::stanford::Claims;
 use super::track::{Ellipsoid, Track, drawable, ellipsoid};
 use crate::report::scores::Reference;
 
@@ -57,6 +61,7 @@ pub(super) struct PhoneRecorder {
     signals: Signals,
     raim: LogLines,
     last_verdict: Option<Verdict>,
+    integrity: PhoneIntegrity,
 }
 
 impl PhoneRecorder {
@@ -64,7 +69,7 @@ impl PhoneRecorder {
     pub fn new(name: &str, colour: Color) -> Self {
         let quality = |what: &str| {
             let style = Style::Line { name: name.to_owned(), colour, width: 1.5 };
-            Series::new(phone_path(name, ["quality", what]), style)
+            Series::new(phone_path(name, [QUALITY, what]), style)
         };
         Self {
             name: name.to_owned(),
@@ -73,11 +78,12 @@ impl PhoneRecorder {
             satellites: quality("satellites"),
             pdop: quality("pdop"),
             code_nis: quality("code_nis"),
-            levels: [quality("hpl"), quality("vpl")],
+            levels: LEVELS.map(quality),
             rejected: quality("rejected"),
             signals: Signals::new(name),
             raim: LogLines::new(phone_path(name, ["raim"])),
             last_verdict: None,
+            integrity: PhoneIntegrity::new(name),
         }
     }
 
@@ -94,10 +100,12 @@ impl PhoneRecorder {
             message.and_then(|m| m.local.as_ref()).map(|s| (s.position(), position_covariance(s))),
             phone.state.as_ref().map(|s| (s.position(), position_covariance(s))),
         ];
-        for (index, estimate) in estimates.into_iter().enumerate() {
+        let mut errors_m = [None; 3];
+        for ((index, estimate), error_m) in estimates.into_iter().enumerate().zip(&mut errors_m) {
             let estimate = estimate.map(|(position, covariance_m2)| Estimate { position, covariance_m2 });
-            self.push_estimate(epoch, index, estimate, reference, skips);
+            *error_m = self.push_estimate(epoch, index, estimate, reference, skips);
         }
+        self.push_integrity(epoch, phone, errors_m, skips);
         let truth = self.drawable(reference.at_epoch, Method::Truth, epoch.time_ns, skips);
         if let Some(track) = self.tracks.last_mut() {
             track.push(epoch.time_ns, epoch.frame, truth, None);
@@ -110,6 +118,17 @@ impl PhoneRecorder {
         self.push_message(epoch.message_time_ns, message, skips);
     }
 
+    /// Takes an event of the group that is about this phone.
+    pub fn take(&mut self, event: &IntegrityEvent) {
+        self.integrity.take(event);
+    }
+
+    /// What was claimed of the phone's reliable positions.
+    pub const fn claims(&self) -> &[Claims] {
+        self.integrity.claims()
+    }
+
+    /// Returns the horizontal and the vertical error, m, where the truth is known.
     fn push_estimate(
         &mut self,
         epoch: Epoch<'_>,
@@ -117,8 +136,8 @@ impl PhoneRecorder {
         estimate: Option<Estimate>,
         reference: Reference,
         skips: &mut Skips,
-    ) {
-        let Some(&method) = Method::SCORED.get(index) else { return };
+    ) -> Option<(f64, f64)> {
+        let &method = Method::SCORED.get(index)?;
         let (time_ns, truth) = match method {
             Method::Joint | Method::Truth => (epoch.time_ns, reference.at_epoch),
             Method::Wls | Method::Local => (epoch.message_time_ns, reference.at_message),
@@ -136,6 +155,33 @@ impl PhoneRecorder {
         if let Some(track) = self.tracks.get_mut(index) {
             track.push(time_ns, epoch.frame, position, sigma);
         }
+        error
+    }
+
+    /// `errors_m` are horizontal and vertical, by method.
+    fn push_integrity(
+        &mut self,
+        epoch: Epoch<'_>,
+        phone: &FusedPhone,
+        errors_m: [Option<(f64, f64)>; 3],
+        skips: &mut Skips,
+    ) {
+        self.integrity.push_fused(epoch.time_ns, phone, skips);
+        let message = phone.message.as_ref();
+        let solved = message.filter(|message| message.wls.is_some());
+        let [epoch_wise_m, _, fused_m] = errors_m;
+        let epoch_wise = Said {
+            verdict: solved.map(|message| message.raim.verdict),
+            levels: solved.and_then(|message| message.raim.protection),
+            error_m: epoch_wise_m,
+        };
+        let fused = Said {
+            verdict: phone.verdict.filter(|_| phone.state.is_some()),
+            levels: phone.protection,
+            error_m: fused_m,
+        };
+        self.integrity.push_said(epoch.message_time_ns, Method::Wls, epoch_wise);
+        self.integrity.push_said(epoch.time_ns, Method::Joint, fused);
     }
 
     fn push_message(&mut self, time_ns: i64, message: Option<&EpochMessage>, skips: &mut Skips) {
@@ -169,6 +215,7 @@ impl PhoneRecorder {
         self.levels.iter_mut().try_for_each(|series| series.write_segment(file))?;
         self.rejected.write_segment(file)?;
         self.raim.write_segment(file)?;
+        self.integrity.write_segment(file)?;
         self.signals.write_segment(file)
     }
 
@@ -223,9 +270,9 @@ impl Errors {
         let series = |direction: &str| {
             let (colour, width) = (method.colour(), method.width());
             let style = Style::Line { name: format!("{phone} {}", method.name()), colour, width };
-            Series::new(phone_path(phone, ["error", direction, method.name()]), style)
+            Series::new(phone_path(phone, [ERROR, direction, method.name()]), style)
         };
-        Self { horizontal: series("horizontal"), vertical: series("vertical") }
+        Self { horizontal: series(HORIZONTAL), vertical: series(VERTICAL) }
     }
 }
 

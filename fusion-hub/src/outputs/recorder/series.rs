@@ -1,5 +1,7 @@
 //! Scalars, states and log lines of one entity over time.
 
+use std::borrow::Cow;
+
 use cofix_common::skips::{Reason, Skips};
 use rerun::{
     Color, EntityPath, Scalars, SeriesLines, SeriesPoints, StateChange, StateConfiguration, TextLog,
@@ -30,8 +32,8 @@ pub(super) struct Series {
 pub(super) struct StateLane {
     entity: EntityPath,
     styled: bool,
-    state: Option<&'static str>,
-    rows: Rows<&'static str>,
+    state: Option<Cow<'static, str>>,
+    rows: Rows<Cow<'static, str>>,
 }
 
 /// Log lines of one entity.
@@ -83,9 +85,9 @@ impl StateLane {
     }
 
     /// Adds an epoch; only changes become rows.
-    pub fn push(&mut self, time_ns: i64, state: Option<&'static str>) {
+    pub fn push(&mut self, time_ns: i64, state: Option<Cow<'static, str>>) {
         if state != self.state {
-            self.state = state;
+            self.state.clone_from(&state);
             self.rows.push(time_ns, state);
         }
     }
@@ -99,7 +101,8 @@ impl StateLane {
         if !std::mem::replace(&mut self.styled, true) {
             file.write_static(&self.entity, style)?;
         }
-        file.write_columns(&self.entity, &times_ns, StateChange::new().with_state(values).columns(lengths))
+        let changes = StateChange::new().with_state(values.into_iter().map(Cow::into_owned));
+        file.write_columns(&self.entity, &times_ns, changes.columns(lengths))
     }
 }
 

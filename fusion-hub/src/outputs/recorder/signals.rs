@@ -47,7 +47,7 @@ impl SignalSeries {
     fn push(&mut self, time_ns: i64, observation: Option<&CorrectedObservation>, skips: &mut Skips) {
         self.cn0.push(time_ns, observation.and_then(|o| o.cn0_dbhz), skips);
         self.residual.push(time_ns, observation.and_then(|o| o.residual_m), skips);
-        self.usage.push(time_ns, observation.map(|o| usage_name(o.usage)));
+        self.usage.push(time_ns, observation.map(|o| usage_name(o.usage).into()));
     }
 }
 
