@@ -101,18 +101,31 @@ impl Tally {
             event.phones.iter().filter_map(|phone| self.names.get(*phone)).map(String::as_str).collect();
         let phone = names.join(", ");
         let detail = match event.kind {
-            EventKind::Isolated => format!("{phone} contradicts the other phones and is isolated"),
+            EventKind::Isolated => {
+                let error = event.error.unwrap_or_default().in_words();
+                format!("{phone} contradicts the other phones and is isolated: {error}")
+            }
             EventKind::Readmitted => format!("{phone} agrees with the other phones again"),
             EventKind::ConstraintContradicted => {
-                let bound =
-                    event.constraint.and_then(|place| self.scheduled.get(place)).map(|s| s.constraint);
-                let bound =
-                    bound.map_or_else(String::new, |c| format!(" {} {}", c.name(), c.bounds_in_words()));
-                format!("the constraint{bound} on {phone} contradicts them")
+                format!("the constraint{} on {phone} contradicts them", self.bound_in_words(event))
+            }
+            EventKind::CannotTell if event.constraint.is_some() => {
+                let bound = self.bound_in_words(event);
+                format!(
+                    "{phone} contradict the constraint{bound}, and whether it or which of them is wrong is open"
+                )
             }
             EventKind::CannotTell => format!("{phone} contradict each other, and which is wrong is open"),
         };
-        EventReport { time_gps: event.time_gps.iso(), phone, kind: event.kind, detail }
+        EventReport { time_gps: event.time_gps.iso(), phone, kind: event.kind, error: event.error, detail }
+    }
+
+    /// The constraint that an event is about, with a space before.
+    fn bound_in_words(&self, event: &IntegrityEvent) -> String {
+        let scheduled = event.constraint.and_then(|place| self.scheduled.get(place));
+        scheduled.map_or_else(String::new, |ScheduledConstraint { constraint, .. }| {
+            format!(" {} {}", constraint.name(), constraint.bounds_in_words())
+        })
     }
 
     fn compare(&mut self, phones: &[FusedPhone]) {
