@@ -462,7 +462,7 @@ fn who_was_isolated_when_is_recorded() {
         };
         let event = |kind: &EventKind| {
             let phones = if *kind == EventKind::CannotTell { vec![0, 1] } else { vec![1] };
-            IntegrityEvent { time_gps: epoch.time_gps, phones, constraint: None, kind: *kind }
+            IntegrityEvent { time_gps: epoch.time_gps, phones, constraint: None, kind: *kind, error: None }
         };
         epoch.events = kinds.iter().map(event).collect();
     });
@@ -473,7 +473,7 @@ fn who_was_isolated_when_is_recorded() {
     assert_eq!(states(&store, "/phones/P1/integrity/group"), expected[..1]);
     let lines = texts(&store, "/integrity/log", rerun::TextLog::descriptor_text().component);
     let expected = [
-        "14:30:04 GPS P2 contradicts the other phones and is isolated",
+        "14:30:04 GPS P2 contradicts the other phones and is isolated: the kind of its error is unknown",
         "14:30:09 GPS P2 agrees with the other phones again",
         "14:30:09 GPS P1, P2 contradict each other, and which is wrong is open",
     ];

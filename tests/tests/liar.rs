@@ -5,7 +5,7 @@
 use std::time::Duration;
 
 use cofix_common::frames::{Enu, LocalFrame};
-use cofix_common::fusion::peers::EventKind;
+use cofix_common::fusion::peers::{ErrorKind, EventKind};
 use cofix_common::integrity::{Cause, Verdict};
 use cofix_common::simulation::Scenario;
 use cofix_common::skips::Skips;
@@ -58,6 +58,7 @@ fn a_phone_that_lies_is_named_to_listeners() {
     let sample = events.recv_timeout(Duration::from_secs(10)).unwrap().unwrap();
     let told: IntegrityMessage = decode(&sample.payload().to_bytes()).unwrap();
     assert_eq!((told.kind, &told.phones), (EventKind::Isolated, &vec![liar.clone()]), "{told:?}");
+    assert_eq!(told.error, Some(ErrorKind::WrongPlace));
     let reported: Vec<(EventKind, &str, &str)> =
         report.integrity_events.iter().map(|e| (e.kind, e.phone.as_str(), e.detail.as_str())).collect();
     assert_eq!(reported, [(told.kind, liar.as_str(), told.detail.as_str())]);

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::biased::BiasedSatellites;
 use super::doubt::{Doubt, Excess};
 use super::group::{Filters, FreeGroup, Output, Slots};
-use super::peers::{Evidence, IntegrityEvent, Peers};
+use super::peers::{Evidence, IntegrityEvent, Peers, Seen};
 use crate::constraint::second::carry;
 use crate::constraint::{
     Constraint, ConstraintAction, ConstraintOptions, ConstraintOutcome, Distance, SkipReason, constrain,
@@ -177,7 +177,7 @@ impl Engine {
         self.filters.predict(self.time_gps, &self.phones, &mut self.skips);
         let free = self.filters.free();
         let doubts = self.doubts(&free);
-        let events = self.compare_phones(&free, &doubts);
+        let events = self.compare_phones(&free, &doubts, &messages);
         let (slots, output, actions) = self.constrained(&free, &doubts);
         let doubted = self.doubted(&slots, &doubts);
         let distances = self.distances(&slots, &output);
@@ -275,17 +275,31 @@ impl Engine {
     }
 
     /// Lets the phones check each other by the constraints in force.
-    fn compare_phones(&mut self, free: &FreeGroup, doubts: &[(f64, Doubt)]) -> Vec<IntegrityEvent> {
+    fn compare_phones(
+        &mut self,
+        free: &FreeGroup,
+        doubts: &[(f64, Doubt)],
+        messages: &[Option<EpochMessage>],
+    ) -> Vec<IntegrityEvent> {
         let in_force: Vec<usize> = self.in_force(free.slots()).map(|(place, _)| place).collect();
         let evidence: Vec<Evidence<'_>> = in_force
             .into_iter()
             .filter_map(|place| {
-                let (phones, (_, doubt)) =
-                    (self.constraints.get(place)?.constraint.phones(), doubts.get(place)?);
-                Some(Evidence { place, phones, doubt: *doubt })
+                let (constraint, (sigmas, doubt)) =
+                    (&self.constraints.get(place)?.constraint, doubts.get(place)?);
+                let share = sigmas / self.options.constraints.contradiction_sigmas;
+                let within_m = match constraint {
+                    Constraint::Distance(distance) => distance.maximum_m,
+                    _ => f64::INFINITY,
+                };
+                Some(Evidence { place, phones: constraint.phones(), doubt: *doubt, share, within_m })
             })
             .collect();
-        self.peers.take(self.time_gps, &evidence)
+        let seen = messages.iter().enumerate().map(|(phone, message)| {
+            let filter = free.phones.get(free.slots().of(phone)?)?;
+            Some(Seen::new(filter, message.as_ref(), self.time_gps))
+        });
+        self.peers.take(self.time_gps, &evidence, &seen.collect::<Vec<_>>())
     }
 
     /// Why a phone's state is suspect, if it is.

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::filter::PhoneState;
-use crate::fusion::peers::EventKind;
+use crate::fusion::peers::{ErrorKind, EventKind};
 use crate::integrity::{ProtectionLevels, RaimReport, StateReport, TestReport, Verdict};
 use crate::measurement::{CorrectedObservation, Usage};
 use crate::skips::Skips;
@@ -71,6 +71,8 @@ pub struct IntegrityMessage {
     pub phones: Vec<String>,
     /// What happened.
     pub kind: EventKind,
+    /// What is wrong with an isolated phone.
+    pub error: Option<ErrorKind>,
     /// The event in words.
     pub detail: String,
 }

@@ -51,6 +51,16 @@ impl Group {
 
     /// Fused epochs with their time after the scenario's start, s.
     pub fn fused(&self, constraints: &[Constraint]) -> Vec<(f64, FusedEpoch)> {
+        let always = |constraint: &Constraint| ScheduledConstraint {
+            constraint: *constraint,
+            from_gps: None,
+            to_gps: None,
+        };
+        self.fused_by(constraints.iter().map(always).collect())
+    }
+
+    /// The same with periods of validity.
+    pub fn fused_by(&self, scheduled: Vec<ScheduledConstraint>) -> Vec<(f64, FusedEpoch)> {
         let names: Vec<String> = self.simulation.phone_names().iter().map(ToString::to_string).collect();
         let mut aligner = Aligner::new(names.len(), AlignOptions::default());
         for (phone, messages) in self.messages.iter().enumerate() {
@@ -59,12 +69,6 @@ impl Group {
             }
             aligner.finish(phone);
         }
-        let always = |constraint: &Constraint| ScheduledConstraint {
-            constraint: *constraint,
-            from_gps: None,
-            to_gps: None,
-        };
-        let scheduled = constraints.iter().map(always).collect();
         let mut engine = Engine::new(&names, scheduled, self.engine.clone());
         let start = self.simulation.scenario().start_gps;
         let buckets = std::iter::from_fn(|| aligner.pop_ready());

@@ -25,7 +25,7 @@ impl Sink for FusedPublisher {
 fn told(event: &IntegrityEvent, fused: &Fused<'_>) -> IntegrityMessage {
     let phones = event.phones.iter().filter_map(|phone| fused.phones.get(*phone).cloned()).collect();
     let detail = EventReport::of(event, fused.epoch, fused.phones).detail;
-    IntegrityMessage { time_gps: event.time_gps, phones, kind: event.kind, detail }
+    IntegrityMessage { time_gps: event.time_gps, phones, kind: event.kind, error: event.error, detail }
 }
 
 fn message(epoch: &FusedEpoch, index: usize, name: &str) -> Option<FusedMessage> {

@@ -12,14 +12,21 @@ impl EventReport {
             event.phones.iter().filter_map(|phone| names.get(*phone)).map(String::as_str).collect();
         let phone = phones.join(", ");
         let detail = match event.kind {
-            EventKind::Isolated => format!("{phone} contradicts the other phones and is isolated"),
+            EventKind::Isolated => {
+                let error = event.error.unwrap_or_default().in_words();
+                format!("{phone} contradicts the other phones and is isolated: {error}")
+            }
             EventKind::Readmitted => format!("{phone} agrees with the other phones again"),
             EventKind::ConstraintContradicted => {
                 format!("the constraint{} on {phone} contradicts them", bound(event, epoch))
             }
+            EventKind::CannotTell if event.constraint.is_some() => format!(
+                "{phone} contradict the constraint{}, and whether it or which of them is wrong is open",
+                bound(event, epoch)
+            ),
             EventKind::CannotTell => format!("{phone} contradict each other, and which is wrong is open"),
         };
-        Self { time_gps: event.time_gps.iso(), phone, kind: event.kind, detail }
+        Self { time_gps: event.time_gps.iso(), phone, kind: event.kind, error: event.error, detail }
     }
 }
 
@@ -33,6 +40,7 @@ fn bound(event: &IntegrityEvent, epoch: &FusedEpoch) -> String {
 #[cfg(test)]
 mod tests {
     use cofix_common::constraint::{ConstraintAction, ConstraintOutcome, Distance, SkipReason};
+    use cofix_common::fusion::peers::ErrorKind;
     use cofix_common::time::GpsTime;
 
     use super::*;
@@ -45,6 +53,7 @@ mod tests {
             phones: phones.to_vec(),
             constraint,
             kind,
+            error: (kind == EventKind::Isolated).then_some(ErrorKind::Frozen),
         };
         let action = ConstraintAction {
             index: 3,
@@ -65,7 +74,11 @@ mod tests {
         };
         let names = ["a", "b"].map(str::to_owned);
         for (event, phone, detail) in [
-            (event(&[1], None, EventKind::Isolated), "b", "b contradicts the other phones and is isolated"),
+            (
+                event(&[1], None, EventKind::Isolated),
+                "b",
+                "b contradicts the other phones and is isolated: its position does not move while the others do (frozen)",
+            ),
             (event(&[1], None, EventKind::Readmitted), "b", "b agrees with the other phones again"),
             (
                 event(&[0, 1], Some(3), EventKind::ConstraintContradicted),
@@ -76,6 +89,11 @@ mod tests {
                 event(&[0, 1], Some(4), EventKind::ConstraintContradicted),
                 "a, b",
                 "the constraint on a, b contradicts them",
+            ),
+            (
+                event(&[0, 1], Some(3), EventKind::CannotTell),
+                "a, b",
+                "a, b contradict the constraint distance 0 to 2 m, and whether it or which of them is wrong is open",
             ),
             (
                 event(&[0, 1], None, EventKind::CannotTell),

@@ -14,7 +14,7 @@ mod tally;
 use std::collections::BTreeMap;
 
 use cofix_common::formats::phone::Typical;
-use cofix_common::fusion::peers::EventKind;
+use cofix_common::fusion::peers::{ErrorKind, EventKind};
 use cofix_common::skips::Skips;
 use serde::Serialize;
 
@@ -81,6 +81,8 @@ pub struct EventReport {
     pub phone: String,
     /// What happened.
     pub kind: EventKind,
+    /// What kind of error an isolated phone has; null for other events.
+    pub error: Option<ErrorKind>,
     /// In words.
     pub detail: String,
 }

@@ -77,6 +77,7 @@ fn what_happens_to_the_integrity_comes_back() {
         time_gps: example::message(1).time_gps,
         phones: vec!["HP30".to_owned(), "XIM8".to_owned()],
         kind: EventKind::CannotTell,
+        error: None,
         detail: "HP30, XIM8 contradict each other, and which is wrong is open".to_owned(),
     };
     let bytes = encode(&message).unwrap();
