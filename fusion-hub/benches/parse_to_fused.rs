@@ -1,13 +1,15 @@
-//! From the bytes of four phones' RINEX files to fused, constrained states, on one core, without transport and recording.
+//! From the bytes of four phones' RINEX files to fused, constrained states, without transport and recording.
 //!
 //! Uses the session WH-3-08 of the reference data; without it, it says so and measures nothing.
-//! The figure to read is the throughput of `all`, in phone-epochs per second; `parse`, `agents` and `hub` are its parts.
+//! The figure to read is the throughput of `all`, in phone-epochs per second on one core; `parse`, `agents` and `hub` are its parts.
+//! `threads` is the same with a thread for each agent and one for the hub, as `replay` has them.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 #[path = "../../common/tests/beside/mod.rs"]
 mod beside;
 
 use std::sync::Arc;
+use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
 use cofix_common::constraint::{Constraint, Distance, VerticalVelocity};
@@ -19,6 +21,9 @@ use cofix_common::orbit::{Products, Sp3};
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::wire::EpochMessage;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+
+/// Messages that wait for the hub at most.
+const WAITING: usize = 1_000;
 
 const PHONES: [&str; 4] = ["HP30", "HP20", "VX30", "XIM8"];
 
@@ -44,12 +49,15 @@ impl Session {
     }
 
     fn agents(&self, files: &[ObservationFile]) -> Vec<Vec<EpochMessage>> {
-        let run = |(file, name): (&ObservationFile, &&str)| {
-            let mut pipeline =
-                PhonePipeline::new(name, Arc::clone(&self.products), PipelineOptions::default());
+        let run = |(phone, file): (usize, &ObservationFile)| {
+            let mut pipeline = self.pipeline(phone);
             file.epochs.iter().map(|epoch| pipeline.process(epoch)).collect()
         };
-        files.iter().zip(&PHONES).map(run).collect()
+        files.iter().enumerate().map(run).collect()
+    }
+
+    fn pipeline(&self, phone: usize) -> PhonePipeline {
+        PhonePipeline::new(PHONES[phone], Arc::clone(&self.products), PipelineOptions::default())
     }
 }
 
@@ -64,22 +72,72 @@ fn constraints() -> Vec<ScheduledConstraint> {
     distances.chain(speeds).map(always).collect()
 }
 
-fn hub(messages: Vec<Vec<EpochMessage>>) -> usize {
-    let names = PHONES.map(str::to_owned);
-    let mut aligner = Aligner::new(PHONES.len(), AlignOptions::default());
-    for (phone, messages) in messages.into_iter().enumerate() {
-        for message in messages {
-            aligner.push(phone, message, Duration::ZERO);
+/// Aligner and engine of the group.
+struct Hub {
+    aligner: Aligner,
+    engine: Engine,
+    fused: usize,
+}
+
+impl Hub {
+    fn new() -> Self {
+        Self {
+            aligner: Aligner::new(PHONES.len(), AlignOptions::default()),
+            engine: Engine::new(&PHONES.map(str::to_owned), constraints(), EngineOptions::default()),
+            fused: 0,
         }
-        aligner.finish(phone);
     }
-    let mut engine = Engine::new(&names, constraints(), EngineOptions::default());
-    let mut fused = 0;
-    while let Some(bucket) = aligner.pop_ready() {
-        let epoch = engine.step(bucket);
-        fused += epoch.phones.iter().filter(|p| p.message.is_some() && p.state.is_some()).count();
+
+    /// Takes a message of a phone; `None`: it has no more.
+    fn take(&mut self, phone: usize, message: Option<EpochMessage>) {
+        match message {
+            Some(message) => self.aligner.push(phone, message, Duration::ZERO),
+            None => self.aligner.finish(phone),
+        }
     }
-    fused
+
+    fn fuse(&mut self) {
+        while let Some(bucket) = self.aligner.pop_ready() {
+            let epoch = self.engine.step(bucket);
+            self.fused += epoch.phones.iter().filter(|p| p.message.is_some() && p.state.is_some()).count();
+        }
+    }
+}
+
+fn hub(messages: Vec<Vec<EpochMessage>>) -> usize {
+    let mut hub = Hub::new();
+    for (phone, messages) in messages.into_iter().enumerate() {
+        for message in messages.into_iter().map(Some).chain([None]) {
+            hub.take(phone, message);
+        }
+    }
+    hub.fuse();
+    hub.fused
+}
+
+/// A thread for each agent, which parses and solves, and this one for the hub.
+fn threads(session: &Session) -> usize {
+    let mut hub = Hub::new();
+    let (sender, receiver) = sync_channel(WAITING);
+    std::thread::scope(|scope| {
+        for (phone, bytes) in session.observations.iter().enumerate() {
+            let sender = sender.clone();
+            scope.spawn(move || {
+                let file = ObservationFile::parse(bytes).unwrap();
+                let mut pipeline = session.pipeline(phone);
+                for epoch in &file.epochs {
+                    sender.send((phone, Some(pipeline.process(epoch)))).unwrap();
+                }
+                sender.send((phone, None)).unwrap();
+            });
+        }
+        drop(sender);
+        for (phone, message) in receiver {
+            hub.take(phone, message);
+            hub.fuse();
+        }
+    });
+    hub.fused
 }
 
 fn parse_to_fused(criterion: &mut Criterion) {
@@ -97,6 +155,7 @@ fn parse_to_fused(criterion: &mut Criterion) {
     group.bench_function("hub", |b| {
         b.iter_batched(|| messages.clone(), hub, criterion::BatchSize::LargeInput);
     });
+    group.bench_function("threads", |b| b.iter(|| threads(&session)));
     group.bench_function("all", |b| b.iter(|| hub(session.agents(&session.parse()))));
     group.finish();
 }
