@@ -9,6 +9,7 @@
 
 pub mod demo;
 pub mod group;
+pub mod journal;
 pub mod live;
 pub mod network;
 pub mod outputs;

@@ -1,16 +1,20 @@
 //! A live session.
 
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use anyhow::{Context, bail};
 use cofix_agent::status::Moment;
 use cofix_agent::{Stop, clock};
 use cofix_common::fusion::align::{AlignOptions, Aligner};
 use cofix_common::fusion::engine::Engine;
+use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
 use crate::group::{Course, Group, Parts};
-use crate::network::Network;
-use crate::outputs::{OutputFiles, Outputs};
+use crate::journal::{Header, Journal, JournalReader, Origin, remove};
+use crate::network::{FusedPublisher, HistoryQuestions, Network, Receipts};
+use crate::outputs::{OutputFiles, Outputs, keep_partial};
 use crate::replay::{Outcome, outcome};
 use crate::report::SettingsReport;
 use crate::report::scores::Scores;
@@ -28,34 +32,49 @@ pub struct LiveOptions {
     pub until_finished: bool,
     /// Longest wait of the group for a phone, in place of the session's.
     pub latency: Option<Duration>,
+    /// The journal, if one is written.
+    pub journal: Option<JournalOptions>,
+}
+
+/// Where a journal is written, and the session file that it is of.
+#[derive(Clone, Debug)]
+pub struct JournalOptions {
+    /// Its first file. One of an unfinished session of the same phones is gone on with.
+    pub path: PathBuf,
+    /// The session file.
+    pub session_path: PathBuf,
+    /// Folder to which its paths are relative, if not its own.
+    pub data: Option<PathBuf>,
 }
 
 /// Runs a hub until `stop` is requested or, with `until_finished`, all agents have finished. Blocks.
 ///
 /// # Errors
-/// When the endpoints cannot be listened on, a truth file cannot be used, or an output cannot be written.
+/// When the endpoints cannot be listened on, a truth file or a journal cannot be used, or an output cannot be written.
 pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Result<Outcome> {
-    let phones = session.phone_names();
-    let (truths, truth_skips) = read_truths(&session.phones)?;
-    let (network, events) = Network::listen(&session.group, &phones, &options.listen)?;
-    let scores = Scores::new(truths, session.truth_quality.clone());
-    // A listener that does not keep up must not hold up the hub.
-    let mut outputs = Outputs::new(&phones, network.fused_publisher(CongestionControl::Drop), scores);
-    outputs.write_to(&options.files, &session.group, true)?;
-    outputs.show_status(Moment { now: Duration::ZERO, wall_gps: clock::now() });
+    let latency = options.latency.unwrap_or(session.settings.estimator.align().maximum_wait);
+    let unfinished =
+        options.journal.as_ref().map(|journal| unfinished(session, journal, options)).transpose()?.flatten();
+    let (network, events) = Network::listen(&session.group, &session.phone_names(), &options.listen)?;
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
-    let align = session.settings.estimator.align();
-    let maximum_wait = options.latency.unwrap_or(align.maximum_wait);
-    let mut group = Group::new(Parts {
-        name: session.group.clone(),
-        course: Course::Live { until_finished: options.until_finished },
-        aligner: Aligner::live(phones.len(), AlignOptions { maximum_wait, ..align }),
-        engine: Engine::new(&phones, session.constraints.clone(), session.settings.options()?.1),
-        receipts: network.receipts(),
-        history: network.history()?,
-        outputs,
-        phones,
-    });
+    let (mut group, truth_skips) =
+        silent_group(session, latency, options.until_finished, &options.files, network.receipts())?;
+    let mut segments = 0;
+    if let Some(mut reader) = unfinished {
+        // Whether it has ended was looked at before.
+        group.retrace(reader.by_ref())?;
+        segments = reader.segments();
+        reader.damages().iter().for_each(|damage| tracing::warn!("{damage}"));
+        tracing::info!("goes on after {} segments of its journal", segments);
+    }
+    if let Some(options) = &options.journal {
+        group.write_to(journal(session, options, latency, segments)?);
+    }
+    group.go_on(network.history()?);
+    let outputs = group.report().1;
+    // A listener that does not keep up must not hold up the hub.
+    outputs.publish(network.fused_publisher(CongestionControl::Drop));
+    outputs.show_status(Moment { now: Duration::ZERO, wall_gps: clock::now() });
     let worked = group.work(&events, stop);
     if worked.is_ok() {
         group.wait_for_agents(&events, stop);
@@ -64,15 +83,125 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
         group.report().1.keep(&error);
         return Err(error);
     }
-    let mut outcome =
-        outcome(&mut group, &truth_skips, SettingsReport::new(&session.settings, &session.truth_quality));
-    let losses = group.losses();
-    outcome.failure = match (outcome.failure.take(), losses) {
-        (Some(failure), Some(losses)) => Some(format!("{failure}; {losses}")),
-        (failure, losses) => failure.or(losses),
-    };
+    let outcome = live_outcome(&mut group, session, &truth_skips);
     // Nobody takes events any more: Zenoh's threads must not wait for that.
     drop(events);
     network.close()?;
     Ok(outcome)
+}
+
+/// Does again what a journal tells, with the settings of a session. Blocks.
+///
+/// # Errors
+/// When the journal is of other phones, a truth file cannot be used, or an output cannot be written.
+pub fn again(session: &Session, reader: &mut JournalReader, files: &OutputFiles) -> anyhow::Result<Outcome> {
+    let latency = reader.origin()?.header.latency;
+    check_phones(session, reader.origin()?)?;
+    let (mut group, truth_skips) = silent_group(session, latency, false, files, Receipts::default())?;
+    if !group.retrace(reader.by_ref())? {
+        tracing::warn!("the journal's session did not come to its end");
+        group.end_retraced()?;
+    }
+    reader.damages().iter().for_each(|damage| tracing::warn!("{damage}"));
+    Ok(live_outcome(&mut group, session, &truth_skips))
+}
+
+/// A live group that asks and publishes nothing.
+fn silent_group(
+    session: &Session,
+    maximum_wait: Duration,
+    until_finished: bool,
+    files: &OutputFiles,
+    receipts: Receipts,
+) -> anyhow::Result<(Group, Skips)> {
+    let phones = session.phone_names();
+    let (truths, truth_skips) = read_truths(&session.phones)?;
+    let scores = Scores::new(truths, session.truth_quality.clone());
+    let mut outputs = Outputs::new(&phones, FusedPublisher::nowhere(), scores);
+    outputs.write_to(files, &session.group, true)?;
+    let align = session.settings.estimator.align();
+    let group = Group::new(Parts {
+        name: session.group.clone(),
+        course: Course::Live { until_finished },
+        aligner: Aligner::live(phones.len(), AlignOptions { maximum_wait, ..align }),
+        engine: Engine::new(&phones, session.constraints.clone(), session.settings.options()?.1),
+        receipts,
+        history: HistoryQuestions::silent(),
+        outputs,
+        phones,
+    });
+    Ok((group, truth_skips))
+}
+
+fn live_outcome(group: &mut Group, session: &Session, truth_skips: &Skips) -> Outcome {
+    let settings = SettingsReport::new(&session.settings, &session.truth_quality);
+    let mut outcome = outcome(group, truth_skips, settings);
+    let failures = [outcome.failure.take(), group.losses(), group.journal_failure().map(str::to_owned)];
+    let failures: Vec<String> = failures.into_iter().flatten().collect();
+    outcome.failure = (!failures.is_empty()).then(|| failures.join("; "));
+    outcome
+}
+
+/// The journal at the place of a new one, if it is of the same phones and did not come to its end. What its hub has left of a recording is kept.
+fn unfinished(
+    session: &Session,
+    journal: &JournalOptions,
+    options: &LiveOptions,
+) -> anyhow::Result<Option<JournalReader>> {
+    let path = &journal.path;
+    if !path.exists() {
+        return Ok(None);
+    }
+    // What is no journal is never replaced.
+    let mut reader = JournalReader::open(path)?;
+    if options.files.overwrite {
+        remove(path).with_context(|| format!("{}: cannot be replaced", path.display()))?;
+        return Ok(None);
+    }
+    check_phones(session, reader.origin()?)?;
+    if reader.has_ended() {
+        bail!(
+            "{}: the journal of a session that came to its end; name another one, or say --overwrite",
+            path.display()
+        );
+    }
+    if let Some(recording) = &options.files.recording {
+        keep_partial(recording, reader.segments())
+            .with_context(|| format!("{}: what is left of it cannot be kept", recording.display()))?;
+    }
+    Ok(Some(JournalReader::open(path)?))
+}
+
+fn check_phones(session: &Session, origin: &Origin) -> anyhow::Result<()> {
+    let (found, expected) = (&origin.header, session.phone_names());
+    if found.group != session.group || found.phones != expected {
+        bail!(
+            "the journal is of group '{}' with {}, the session of group '{}' with {}",
+            found.group,
+            found.phones.join(", "),
+            session.group,
+            expected.join(", ")
+        );
+    }
+    Ok(())
+}
+
+fn journal(
+    session: &Session,
+    options: &JournalOptions,
+    latency: Duration,
+    segments: u32,
+) -> anyhow::Result<Journal> {
+    let JournalOptions { path, session_path, data } = options.clone();
+    let header =
+        Header { group: session.group.clone(), phones: session.phone_names(), latency, session_path, data };
+    if segments > 0 {
+        return Journal::go_on(&path, header, segments, clock::now());
+    }
+    let text = read(&header.session_path)?;
+    Journal::create(&path, header, &text, clock::now())
+}
+
+fn read(path: &Path) -> anyhow::Result<String> {
+    std::fs::read_to_string(path).with_context(|| format!("{}: cannot read the session file", path.display()))
 }

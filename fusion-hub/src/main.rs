@@ -6,12 +6,15 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
+use anyhow::Context;
 use clap::{Parser, Subcommand, ValueEnum};
+use cofix_agent::files::Named;
 use cofix_agent::stop::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
 use cofix_common::settings::Preset;
 use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
-use cofix_hub::live::{self, LiveOptions};
+use cofix_hub::journal::{JournalReader, Origin};
+use cofix_hub::live::{self, JournalOptions, LiveOptions};
 use cofix_hub::outputs::OutputFiles;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_hub::session::Session;
@@ -52,13 +55,23 @@ enum Command {
         /// [default: maximum_wait_s in the session's table alignment, 5]
         #[arg(long, value_name = "SECONDS", value_parser = latency)]
         latency: Option<f64>,
+        /// Journal of everything that comes (.mcap), with which a hub that was killed goes on [default: beside the recording]
+        #[arg(long, value_name = "FILE")]
+        journal: Option<PathBuf>,
+        /// Write no journal
+        #[arg(long, conflicts_with = "journal")]
+        no_journal: bool,
         #[command(flatten)]
         outputs: OutputFiles,
     },
     /// Run a recorded session through agents and hub on this machine
     Replay {
-        /// Session file with observations for every phone
-        session: PathBuf,
+        /// Session file with observations for every phone; with a journal, settings to use in place of its own
+        #[arg(required_unless_present = "journal")]
+        session: Option<PathBuf>,
+        /// Journal of a live session, which is done again as it was
+        #[arg(long, value_name = "FILE")]
+        journal: Option<PathBuf>,
         /// Folder to which the session file's paths are relative [default: its own]
         #[arg(long, value_name = "DIR")]
         data: Option<PathBuf>,
@@ -116,16 +129,32 @@ fn main() -> ExitCode {
 
 fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
     match command {
-        Command::Run { session: file, data, listen, until_finished, latency, outputs } => {
+        Command::Run {
+            session: file,
+            data,
+            listen,
+            until_finished,
+            latency,
+            journal,
+            no_journal,
+            outputs,
+        } => {
             let session = Session::read(&file, data.as_deref())?;
             let read = live_inputs(&file, &session);
             let named = inputs(&file, &session);
             let report = ReportPlan::new(&outputs, &named, read, folder(&file, data.as_deref()))?;
             let latency = latency.map(Duration::from_secs_f64);
-            let options = LiveOptions { listen, files: outputs, until_finished, latency };
+            let beside = || outputs.recording.as_ref().map(|recording| recording.with_extension("mcap"));
+            let journal = journal.or_else(beside).filter(|_| !no_journal);
+            let journal = journal.map(|path| JournalOptions { path, session_path: file, data });
+            let options = LiveOptions { listen, files: outputs, until_finished, latency, journal };
             conclude(live::run(&session, &options, stop)?, report)
         }
-        Command::Replay { session: file, data, speed, outputs } => {
+        Command::Replay { session, journal: Some(journal), data, outputs, .. } => {
+            again(session.as_deref(), &journal, data.as_deref(), &outputs)
+        }
+        Command::Replay { session, journal: None, data, speed, outputs } => {
+            let file = session.context("a session file is missing")?;
             let session = Session::read(&file, data.as_deref())?;
             let inputs = inputs(&file, &session);
             let report = ReportPlan::new(&outputs, &inputs, inputs.clone(), folder(&file, data.as_deref()))?;
@@ -150,6 +179,28 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             cofix_console::print(&cofix_agent::settings::document(preset))
         }
     }
+}
+
+/// Does a journal again, with the settings of a session file or its own.
+fn again(
+    file: Option<&Path>,
+    journal: &Path,
+    data: Option<&Path>,
+    outputs: &OutputFiles,
+) -> anyhow::Result<()> {
+    let mut reader = JournalReader::open(journal)?;
+    let Origin { header, session } = reader.origin()?.clone();
+    let (file, data) =
+        file.map_or((header.session_path.as_path(), header.data.as_deref()), |file| (file, data));
+    let session = match session {
+        Some(text) if file == header.session_path => Session::parse(&text, file, data)?,
+        _ => Session::read(file, data)?,
+    };
+    let mut read = live_inputs(file, &session);
+    read.retain(|input| input.path.is_file());
+    let named: Vec<Named> = read.iter().cloned().chain([Named::new("the journal", journal)]).collect();
+    let report = ReportPlan::new(outputs, &named, read, folder(file, data))?;
+    conclude(live::again(&session, &mut reader, outputs)?, report)
 }
 
 fn replay_options(files: OutputFiles, speed: Speed) -> ReplayOptions {

@@ -1,5 +1,6 @@
 //! One group at work: events in, fused epochs out, on one thread.
 
+mod journalled;
 mod losses;
 mod missing;
 mod steady;
@@ -15,6 +16,7 @@ use cofix_common::fusion::engine::Engine;
 use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
+use crate::journal::Journal;
 use crate::network::intake::{Answer, Arrival, Intake, Notice};
 use crate::network::recovery::Recovery;
 use crate::network::{Event, HistoryQuestions, Receipts};
@@ -61,6 +63,11 @@ pub struct Group {
     alive: Vec<bool>,
     grace: Duration,
     longest_stay: Duration,
+    journal: Option<Journal>,
+    /// Why the journal is incomplete, if it is.
+    journal_failure: Option<String>,
+    /// Events of a journal that no step used.
+    unused: Vec<Event>,
 }
 
 /// The parts of a group.
@@ -105,6 +112,9 @@ impl Group {
             alive: vec![false; phones],
             grace: Self::GRACE,
             longest_stay: LONGEST_STAY,
+            journal: None,
+            journal_failure: None,
+            unused: Vec::new(),
         }
     }
 
@@ -123,20 +133,31 @@ impl Group {
     /// # Errors
     /// When an agent fails or a message is lost.
     pub fn work(&mut self, events: &Receiver<Event>, stop: &Stop) -> anyhow::Result<()> {
-        let mut clock = Steady::start();
+        let mut clock = Steady::at(self.now);
         while !self.is_over() && !stop.is_requested() {
             let first = match events.recv_timeout(TICK) {
                 Ok(event) => Some(event),
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => break,
             };
-            let batch = first.into_iter().chain(events.try_iter().take(BATCH));
-            self.step(batch, clock.tick(), clock::now())?;
+            let batch: Vec<Event> = first.into_iter().chain(events.try_iter().take(BATCH)).collect();
+            let (now, wall_gps) = (clock.tick(), clock::now());
+            self.note_step(&batch, now, wall_gps);
+            let unused = std::mem::take(&mut self.unused);
+            self.step(unused.into_iter().chain(batch), now, wall_gps)?;
         }
         if stop.is_requested() && self.parts.course == Course::Replay {
             bail!("stopped before the end of the session");
         }
-        for event in events.try_iter().take(LAST_EVENTS) {
+        let last: Vec<Event> = events.try_iter().take(LAST_EVENTS).collect();
+        self.note_end(&last);
+        self.end(last)
+    }
+
+    /// Handles the last events, and ends.
+    fn end(&mut self, last: Vec<Event>) -> anyhow::Result<()> {
+        let unused = std::mem::take(&mut self.unused);
+        for event in unused.into_iter().chain(last) {
             self.handle(event)?;
         }
         self.intake.release_all();

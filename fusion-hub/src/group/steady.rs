@@ -14,8 +14,9 @@ pub(super) struct Steady {
 }
 
 impl Steady {
-    pub(super) fn start() -> Self {
-        Self { looked: Instant::now(), time: Duration::ZERO }
+    /// Goes on at a time.
+    pub(super) fn at(time: Duration) -> Self {
+        Self { looked: Instant::now(), time }
     }
 
     pub(super) fn tick(&mut self) -> Duration {

@@ -68,8 +68,10 @@ pub struct Header {
     pub phones: Vec<String>,
     /// Longest wait of the group for a phone.
     pub latency: Duration,
-    /// Whether the hub was to end with its agents.
-    pub until_finished: bool,
+    /// Where the session file was.
+    pub session_path: PathBuf,
+    /// Folder to which the session file's paths were relative, if not its own.
+    pub data: Option<PathBuf>,
 }
 
 /// Kinds of records, by the names of their schemas.
@@ -137,6 +139,15 @@ fn segment(path: &Path, number: u32) -> PathBuf {
     }
     let extension = path.extension().map_or_else(|| "mcap".into(), |e| e.to_string_lossy().into_owned());
     path.with_extension(format!("{number}.{extension}"))
+}
+
+/// Removes a journal with all its segments, if there is one.
+///
+/// # Errors
+/// When one cannot be removed.
+pub fn remove(path: &Path) -> std::io::Result<()> {
+    let files = (1..).map(|number| segment(path, number)).take_while(|file| file.exists());
+    files.into_iter().try_for_each(std::fs::remove_file)
 }
 
 #[cfg(test)]

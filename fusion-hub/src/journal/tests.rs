@@ -15,7 +15,8 @@ fn header() -> Header {
         group: "g".to_owned(),
         phones: vec!["a".to_owned(), "b".to_owned()],
         latency: Duration::from_millis(2_500),
-        until_finished: true,
+        session_path: PathBuf::from("drive.toml"),
+        data: None,
     }
 }
 
@@ -128,7 +129,7 @@ fn a_torn_end_costs_its_chunk_and_no_more() {
     // A damaged byte within a chunk: what is before counts, and the damage is named.
     std::fs::write(&path, &whole).unwrap();
     let mut file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
-    file.seek(SeekFrom::Start(ends[2] - 200)).unwrap();
+    file.seek(SeekFrom::Start(ends[1] + 100)).unwrap();
     file.write_all(&[0x55; 16]).unwrap();
     let mut reader = JournalReader::open(&path).unwrap();
     assert_eq!(text(reader.by_ref()), [expected(1), expected(2)].concat());

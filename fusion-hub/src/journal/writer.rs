@@ -136,7 +136,7 @@ impl Journal {
     /// When it cannot be written.
     pub fn end(&mut self) -> anyhow::Result<()> {
         self.put(Kind::Ended, OF_NO_PHONE, 0, &[])?;
-        self.checked(|segment| segment.finish())
+        self.checked(Segment::finish)
     }
 
     /// The first file.

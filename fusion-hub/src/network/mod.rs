@@ -167,9 +167,8 @@ pub struct FusedPublisher {
 }
 
 impl FusedPublisher {
-    /// A publisher without a session.
-    #[cfg(test)]
-    pub(crate) fn nowhere() -> Self {
+    /// A publisher without a session, which publishes nothing.
+    pub fn nowhere() -> Self {
         Self { session: None, group: "nowhere".to_owned(), congestion_control: CongestionControl::Drop }
     }
 

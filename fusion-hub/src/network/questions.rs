@@ -18,7 +18,8 @@ const WAITING_QUESTIONS: usize = 64;
 /// A thread of its own asks: Zenoh may tell at once, on the thread that asks, that nobody answers, and that event may have to wait for
 /// the hub's thread.
 pub struct HistoryQuestions {
-    questions: SyncSender<(String, Question)>,
+    /// `None`: nobody is asked.
+    questions: Option<SyncSender<(String, Question)>>,
 }
 
 impl HistoryQuestions {
@@ -32,18 +33,24 @@ impl HistoryQuestions {
             }
         };
         std::thread::Builder::new().name("history".to_owned()).spawn(ask_all)?;
-        Ok(Self { questions })
+        Ok(Self { questions: Some(questions) })
     }
 
     /// Questions that only go into a channel.
     #[cfg(test)]
     pub(crate) const fn into(questions: SyncSender<(String, Question)>) -> Self {
-        Self { questions }
+        Self { questions: Some(questions) }
+    }
+
+    /// Questions that nobody gets: what the agents answered once is in a journal.
+    pub const fn silent() -> Self {
+        Self { questions: None }
     }
 
     /// Asks the agent of the phone of this name. Waits for nothing; `false` when too many questions wait already.
     pub fn ask(&self, phone: &str, question: Question) -> bool {
-        self.questions.try_send((phone.to_owned(), question)).is_ok()
+        let sent = |questions: &SyncSender<_>| questions.try_send((phone.to_owned(), question)).is_ok();
+        self.questions.as_ref().is_none_or(sent)
     }
 }
 

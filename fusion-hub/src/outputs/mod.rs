@@ -20,6 +20,7 @@ use crate::network::FusedPublisher;
 use crate::report::scores::Scores;
 use crate::report::{Report, SCHEMA, Tally};
 
+pub use recording::keep_partial;
 pub use sink::{Fused, Opening, Sink, Written};
 use status::Status;
 
@@ -111,6 +112,11 @@ impl Outputs {
             self.sinks.push((sink.open)(&opening)?);
         }
         Ok(())
+    }
+
+    /// Publishes epochs from now on.
+    pub fn publish(&mut self, publisher: FusedPublisher) {
+        self.sinks.push(Box::new(publisher));
     }
 
     /// Adds a sink that shows the phones' status, in lines on a terminal or in the log.

@@ -147,6 +147,19 @@ fn failure(path: &Path, partial: Option<&Path>, why: &dyn Display) -> String {
     format!("{}: the recording is incomplete: {why}{place}", path.display())
 }
 
+/// Keeps what a hub that was killed has left of a recording, since another hub goes on: `drive.partial.rrd` becomes `drive.partial.1.rrd`.
+///
+/// # Errors
+/// When it cannot be renamed.
+pub fn keep_partial(path: &Path, number: u32) -> std::io::Result<()> {
+    let left = partial(path);
+    if !left.is_file() {
+        return Ok(());
+    }
+    let kept = left.with_extension(format!("{number}.rrd"));
+    std::fs::rename(&left, &kept)
+}
+
 /// `drive.rrd` → `drive.partial.rrd`, so that Rerun opens it.
 fn partial(path: &Path) -> PathBuf {
     let mut name = path.file_stem().map(OsString::from).unwrap_or_default();

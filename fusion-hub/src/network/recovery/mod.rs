@@ -103,6 +103,12 @@ impl Recovery {
         self.introductions.remove(&phone);
     }
 
+    /// No question will be answered any more: another hub goes on.
+    pub fn forget(&mut self) {
+        self.introductions.clear();
+        self.repairs.clear();
+    }
+
     /// The phone's agent stated which epochs it keeps.
     pub fn introduced(&mut self, phone: usize) {
         self.introductions.remove(&phone);

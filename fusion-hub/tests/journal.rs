@@ -1,0 +1,149 @@
+//! Journals of live hubs that run as processes of their own: done again bit for bit, and gone on with after a kill.
+
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)] // helpers of tests
+
+#[path = "../../agent/tests/limits/mod.rs"]
+mod limits;
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use assert_cmd::Command as Checked;
+use cofix_agent::{AgentConfig, AgentError, AgentReport, Speed, Stop};
+use cofix_common::simulation::Scenario;
+use cofix_hub::replay::Plan;
+use limits::Running;
+
+/// Three phones of a car for three minutes.
+fn plan() -> Plan {
+    cofix_hub::demo::plan(Scenario { duration_s: 180.0, ..Scenario::car(3) }).unwrap()
+}
+
+/// The session file of a live hub for the plan's phones.
+fn write_session(folder: &Path, plan: &Plan) {
+    let phones = plan.phones.iter().map(|phone| format!("[[phone]]\nname = '{}'\n", phone.name));
+    let bound = "[[constraint]]\nkind = 'distance'\nmaximum_m = 2.0\n";
+    let text = format!("group = '{}'\n{}{bound}", plan.group, phones.collect::<String>());
+    std::fs::write(folder.join("car.toml"), text).unwrap();
+}
+
+fn free_endpoint() -> String {
+    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    format!("tcp/{}", port.local_addr().unwrap())
+}
+
+/// A hub that listens.
+fn start_hub(folder: &Path, endpoint: &str, outputs: &[&str]) -> Child {
+    let mut hub = Command::new(env!("CARGO_BIN_EXE_cofix-hub"))
+        .current_dir(folder)
+        .args(["run", "car.toml", "--until-finished", "--latency", "20", "--listen", endpoint])
+        .args(outputs)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(hub.stderr.take().unwrap()).lines();
+    let mut said = Vec::new();
+    while !said.last().is_some_and(|line: &String| line.contains("listens on")) {
+        said.push(lines.next().unwrap_or_else(|| panic!("the hub has ended: {said:?}")).unwrap());
+    }
+    // Its log is read, so that it never waits for that.
+    std::thread::spawn(move || lines.for_each(drop));
+    hub
+}
+
+fn start_agents(plan: &Plan, endpoint: &str) -> Vec<Running<Result<AgentReport, AgentError>>> {
+    let start = |phone: &cofix_hub::replay::PlannedPhone| {
+        let config = AgentConfig {
+            products: plan.products.clone(),
+            connect: vec![endpoint.to_owned()],
+            speed: Speed::Times(20.0),
+            ..AgentConfig::new(&plan.group, &phone.name, phone.source.clone())
+        };
+        limits::spawn(move || cofix_agent::run(&config, &Stop::default()))
+    };
+    plan.phones.iter().map(start).collect()
+}
+
+/// Runs agents against a hub that is killed this many times, and started again.
+fn run(folder: &Path, plan: &Plan, kills: u32, outputs: &[&str]) {
+    let endpoint = free_endpoint();
+    let mut hub = start_hub(folder, &endpoint, outputs);
+    let agents = start_agents(plan, &endpoint);
+    for _ in 0..kills {
+        std::thread::sleep(Duration::from_millis(1_200));
+        hub.kill().unwrap();
+        hub.wait().unwrap();
+        hub = start_hub(folder, &endpoint, outputs);
+    }
+    for agent in agents {
+        agent.join().unwrap().unwrap();
+    }
+    assert!(limits::ended(&mut hub).success());
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    std::fs::read_to_string(folder.join(name)).unwrap()
+}
+
+#[test]
+fn a_journal_is_done_again_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = plan();
+    write_session(folder.path(), &plan);
+    let outputs = ["--recording", "live.rrd", "--report", "live.json", "--positions", "live.csv"];
+    run(folder.path(), &plan, 0, &outputs);
+    let again = |arguments: &[&str]| {
+        let mut command = Checked::cargo_bin("cofix-hub").unwrap();
+        let outputs = ["--report", "again.json", "--positions", "again.csv", "--overwrite"];
+        command.current_dir(folder.path()).args(["replay", "--journal", "live.mcap"]).args(outputs);
+        command.args(arguments).assert()
+    };
+    for session in [&[][..], &["car.toml"]] {
+        again(session).success();
+        assert_eq!(read(folder.path(), "again.json"), read(folder.path(), "live.json"));
+        assert_eq!(read(folder.path(), "again.csv"), read(folder.path(), "live.csv"));
+    }
+    // With other settings.
+    let other = format!("{}[filter]\npreset = 'peng2023'\n", read(folder.path(), "car.toml"));
+    std::fs::write(folder.path().join("other.toml"), other).unwrap();
+    let text = String::from_utf8_lossy(&again(&["other.toml"]).get_output().stderr.clone()).into_owned();
+    assert_ne!(read(folder.path(), "again.csv"), read(folder.path(), "live.csv"), "{text}");
+    // A session that has ended is not gone on with.
+    let mut command = Checked::cargo_bin("cofix-hub").unwrap();
+    let arguments = ["run", "car.toml", "--listen", "tcp/127.0.0.1:0", "--journal", "live.mcap"];
+    let refused = command.current_dir(folder.path()).args(arguments).assert().code(1);
+    assert!(String::from_utf8_lossy(&refused.get_output().stderr).contains("came to its end"));
+}
+
+#[test]
+fn hubs_that_are_killed_go_on_from_their_journal() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = plan();
+    write_session(folder.path(), &plan);
+    run(folder.path(), &plan, 0, &["--no-journal", "--positions", "undisturbed.csv"]);
+    run(folder.path(), &plan, 3, &["--recording", "live.rrd", "--positions", "killed.csv"]);
+    assert_eq!(read(folder.path(), "killed.csv"), read(folder.path(), "undisturbed.csv"));
+    let mut files: Vec<String> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .filter(|name| name.starts_with("live."))
+        .collect();
+    files.sort_unstable();
+    let journal = ["live.2.mcap", "live.3.mcap", "live.4.mcap", "live.mcap"];
+    let recordings = ["live.partial.1.rrd", "live.partial.2.rrd", "live.partial.3.rrd", "live.rrd"];
+    let mut expected = [journal, recordings].concat();
+    expected.sort_unstable();
+    assert_eq!(files, expected);
+    let mut command = Checked::cargo_bin("cofix-hub").unwrap();
+    let outputs = ["--positions", "again.csv"];
+    command
+        .current_dir(folder.path())
+        .args(["replay", "--journal", "live.mcap"])
+        .args(outputs)
+        .assert()
+        .success();
+    assert_eq!(read(folder.path(), "again.csv"), read(folder.path(), "undisturbed.csv"));
+}
