@@ -85,8 +85,10 @@ fn hours(name: &str, group: impl Fn(u64) -> Group) -> Vec<Told> {
 }
 
 #[test]
-#[ignore = "takes minutes"]
 fn honest_phones_are_never_named_in_an_hour() {
+    if !crate::takes_minutes() {
+        return;
+    }
     let hour = |seed, scenario| Scenario { seed, duration_s: 3_600.0, ..scenario };
     let mut told = hours("convoy", |seed| Group::simulated(hour(seed, Scenario::default())));
     told.extend(hours("convoy, one in a canyon", |seed| one_in_a_canyon(hour(seed, Scenario::default()))));

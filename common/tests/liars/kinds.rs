@@ -59,8 +59,10 @@ fn the_kind_of_an_error_is_told_at_isolation() {
 }
 
 #[test]
-#[ignore = "takes minutes"]
 fn the_kind_of_an_error_at_many_seeds() {
+    if !crate::takes_minutes() {
+        return;
+    }
     for (name, expected, lie) in LIES {
         for begin_s in [25.0, 60.0, 100.0] {
             let (counts, after_s) = told(lie, begin_s, 10);

@@ -15,6 +15,15 @@ use cofix_common::integrity::{Cause, Verdict};
 use group::Group;
 use lies::{Car, Told, bounds, east, events, p95_m};
 
+/// Whether tests of minutes are wanted: those of many hours and seeds.
+fn takes_minutes() -> bool {
+    let is_wanted = std::env::var_os("COFIX_LONG_TESTS").is_some();
+    if !is_wanted {
+        println!("skipped: set COFIX_LONG_TESTS to run it for minutes");
+    }
+    is_wanted
+}
+
 /// The liar is named within a time, nobody else is, and the others are as good as without it.
 fn assert_named(name: &str, car: Car, within_s: f64, lying: &Group) -> Vec<Told> {
     let (liar, bounds, from_s) = (car.liar(), bounds(car.phones), car.begin_s + 10.0);
