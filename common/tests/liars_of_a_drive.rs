@@ -3,20 +3,21 @@
 #![allow(clippy::unwrap_used)] // helpers of tests
 
 mod beside;
+mod displaced;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use cofix_common::accuracy::{Solution, Truth, score};
-use cofix_common::constraint::{Constraint, Distance};
 use cofix_common::formats::rinex::ObservationFile;
-use cofix_common::frames::{EcefVector, Enu, LocalFrame};
+use cofix_common::frames::EcefVector;
 use cofix_common::fusion::align::{AlignOptions, Aligner};
 use cofix_common::fusion::engine::{Engine, EngineOptions, FusedEpoch, ScheduledConstraint};
 use cofix_common::fusion::peers::EventKind;
 use cofix_common::orbit::{NavigationFile, Products, Sp3};
 use cofix_common::pipeline::{PhonePipeline, PipelineOptions};
 use cofix_common::wire::EpochMessage;
+use displaced::{bounds, displace, east_of};
 
 const PHONES: [&str; 4] = ["HP30", "HP20", "VX30", "XIM8"];
 /// Number of the epoch from which on a phone lies.
@@ -39,21 +40,15 @@ fn drive() -> Messages {
     PHONES.into_iter().map(run).collect()
 }
 
-/// Moves what a message says of the phone's place.
-fn displace(message: &mut EpochMessage, by: EcefVector) {
-    let Some(solution) = &mut message.wls else { return };
-    let honest = solution.position;
-    solution.position = honest + by;
-    for observation in &mut message.observations {
-        let range_m = |from| observation.satellite_position.distance_m(from);
-        observation.pseudorange_m += range_m(honest + by) - range_m(honest);
-        observation.range_change = None;
+/// Moves what a message says of the phone's place; its own solution is near enough to where it is.
+fn move_by(message: &mut EpochMessage, by: EcefVector) {
+    if let Some(place) = message.wls.as_ref().map(|solution| solution.position) {
+        displace(message, place, by);
     }
 }
 
 fn east(message: &EpochMessage, metres: f64) -> EcefVector {
-    let frame = LocalFrame::at(message.wls.as_ref().unwrap().position);
-    frame.vector_enu_to_ecef(Enu { east: metres, north: 0.0, up: 0.0 })
+    east_of(message.wls.as_ref().unwrap().position, metres)
 }
 
 /// Two metres between all pairs, as in the session file.
@@ -65,13 +60,9 @@ fn fused(messages: &Messages) -> Vec<FusedEpoch> {
         }
         aligner.finish(phone);
     }
-    let pairs = (0..PHONES.len()).flat_map(|a| (a + 1..PHONES.len()).map(move |b| [a, b]));
-    let bounds = pairs.map(|phones| ScheduledConstraint {
-        constraint: Constraint::Distance(Distance { phones, minimum_m: 0.0, maximum_m: 2.0 }),
-        from_gps: None,
-        to_gps: None,
-    });
-    let mut engine = Engine::new(&PHONES.map(str::to_owned), bounds.collect(), EngineOptions::default());
+    let always = |constraint| ScheduledConstraint { constraint, from_gps: None, to_gps: None };
+    let scheduled = bounds(PHONES.len()).into_iter().map(always).collect();
+    let mut engine = Engine::new(&PHONES.map(str::to_owned), scheduled, EngineOptions::default());
     std::iter::from_fn(|| aligner.pop_ready()).map(|bucket| engine.step(bucket)).collect()
 }
 
@@ -100,14 +91,14 @@ const LIES: [Lie; 4] = [
     ("30 m away", |messages, from| {
         for message in &mut messages[from..] {
             let by = east(message, 30.0);
-            displace(message, by);
+            move_by(message, by);
         }
     }),
     ("walking", |messages, from| {
         let begin = messages[from].time_gps;
         for message in &mut messages[from..] {
             let by = east(message, 0.5 * (message.time_gps - begin));
-            displace(message, by);
+            move_by(message, by);
         }
     }),
     ("frozen", |messages, from| {
@@ -115,7 +106,7 @@ const LIES: [Lie; 4] = [
         for message in &mut messages[from..] {
             let Some(solution) = &message.wls else { continue };
             let by = begin - solution.position;
-            displace(message, by);
+            move_by(message, by);
         }
     }),
     ("a second late", |messages, from| {

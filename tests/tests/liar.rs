@@ -2,9 +2,11 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests
 
+#[path = "../../common/tests/displaced/mod.rs"]
+mod displaced;
+
 use std::time::Duration;
 
-use cofix_common::frames::{Enu, LocalFrame};
 use cofix_common::fusion::peers::{ErrorKind, EventKind};
 use cofix_common::integrity::{Cause, Verdict};
 use cofix_common::simulation::Scenario;
@@ -14,6 +16,7 @@ use cofix_common::wire::{
 };
 use cofix_hub::group::Course;
 use cofix_tests::{Hub, by_hand};
+use displaced::{displace, east_of};
 use zenoh::Wait;
 
 /// Number of epochs of a phone before it lies.
@@ -21,14 +24,8 @@ const HONEST_EPOCHS: usize = 60;
 
 /// Measurements and solution of a place 30 m to the east.
 fn lie(message: &mut EpochMessage) {
-    let Some(solution) = &mut message.wls else { return };
-    let truth = solution.position;
-    let displacement = Enu { east: 30.0, north: 0.0, up: 0.0 };
-    solution.position = truth + LocalFrame::at(truth).vector_enu_to_ecef(displacement);
-    for observation in &mut message.observations {
-        let range_m = |from| observation.satellite_position.distance_m(from);
-        observation.pseudorange_m += range_m(solution.position) - range_m(truth);
-        observation.range_change = None;
+    if let Some(place) = message.wls.as_ref().map(|solution| solution.position) {
+        displace(message, place, east_of(place, 30.0));
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
+use cofix_common::accuracy::percentile;
 use cofix_common::recording::{
     ENU, EPOCH_WISE, ERROR, FUSED, FUSED_LEVELS, HORIZONTAL, INTEGRITY, LEVELS, LOG, PHONES, QUALITY,
     TIMELINE, VERTICAL,
@@ -299,9 +300,7 @@ fn metres(value: Option<f64>) -> String {
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    let upper = *values.get(middle)?;
-    Some(if values.len() % 2 == 1 { upper } else { f64::midpoint(values[middle - 1], upper) })
+    (!values.is_empty()).then(|| percentile(&values, 0.5))
 }
 
 /// Times of a chunk's rows, ns; none of static data.

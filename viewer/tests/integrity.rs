@@ -2,21 +2,22 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests, too
 
+#[path = "../../common/tests/displaced/mod.rs"]
+mod displaced;
 #[path = "../../common/tests/group/mod.rs"]
 mod group;
 
 use std::path::Path;
 
 use cofix_common::accuracy::{Claim, Protection, Truth, TruthPoint};
-use cofix_common::constraint::{Constraint, Distance};
-use cofix_common::frames::{EcefVector, Enu, LocalFrame};
+use cofix_common::frames::EcefVector;
 use cofix_common::fusion::engine::FusedEpoch;
-use cofix_common::integrity::Verdict;
 use cofix_common::simulation::Scenario;
 use cofix_hub::outputs::recorder::{Recorder, RecorderConfig};
 use cofix_hub::report::scores::Reference;
 use cofix_viewer::integrity::{Levels, Verdicts};
 use cofix_viewer::summary::Summary;
+use displaced::{bounds, displace, east_of};
 use group::Group;
 
 const PHONES: usize = 4;
@@ -28,26 +29,15 @@ fn lying() -> Group {
     let start = group.simulation.scenario().start_gps;
     let mut messages = std::mem::take(&mut group.messages[LIAR]);
     for message in messages.iter_mut().filter(|m| (60.0..90.0).contains(&(m.time_gps - start))) {
-        let truth = group.simulation.truth_at(LIAR, message.time_gps).position;
-        let east = Enu { east: 30.0, north: 0.0, up: 0.0 };
-        let by: EcefVector = LocalFrame::at(truth).vector_enu_to_ecef(east);
-        for observation in &mut message.observations {
-            let range_m = |from| observation.satellite_position.distance_m(from);
-            observation.pseudorange_m += range_m(truth + by) - range_m(truth);
-            observation.range_change = None;
-        }
-        if let Some(solution) = &mut message.wls {
-            solution.position = solution.position + by;
-        }
+        let place = group.simulation.truth_at(LIAR, message.time_gps).position;
+        displace(message, place, east_of(place, 30.0));
     }
     group.messages[LIAR] = messages;
     group
 }
 
 fn fused(group: &Group) -> Vec<FusedEpoch> {
-    let pair = |a, b| Constraint::Distance(Distance { phones: [a, b], minimum_m: 0.0, maximum_m: 2.0 });
-    let pairs: Vec<Constraint> = (0..PHONES).flat_map(|a| (a + 1..PHONES).map(move |b| pair(a, b))).collect();
-    group.fused(&pairs).into_iter().map(|(_, epoch)| epoch).collect()
+    group.fused(&bounds(PHONES)).into_iter().map(|(_, epoch)| epoch).collect()
 }
 
 fn record(path: &Path, group: &Group, epochs: &[FusedEpoch], has_truth: bool) {
@@ -69,14 +59,12 @@ fn scored(group: &Group, epochs: &[FusedEpoch], phone: usize) -> [Protection; 2]
     let fused = epochs.iter().filter_map(|epoch| {
         let FusedEpoch { time_gps, phones, .. } = epoch;
         let (state, verdict) = phones[phone].state.as_ref().zip(phones[phone].verdict)?;
-        let is_reliable = verdict == Verdict::Reliable;
-        let levels = phones[phone].protection;
-        Some(Claim { time_gps: *time_gps, position: state.position(), is_reliable, levels })
+        Some(Claim::of(*time_gps, state.position(), verdict, phones[phone].protection))
     });
     let own = epochs.iter().filter_map(|epoch| {
         let message = epoch.phones[phone].message.as_ref()?;
         let solution = message.wls.as_ref()?;
-        Some(Claim::of(message.time_gps, solution.position, &message.raim))
+        Some(Claim::of(message.time_gps, solution.position, message.raim.verdict, message.raim.protection))
     });
     [fused.collect::<Vec<_>>(), own.collect()].map(|claims: Vec<Claim>| {
         let point = |claim: &Claim| {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::Truth;
 use super::score::{percentile, truth_error};
 use crate::frames::Ecef;
-use crate::integrity::{ProtectionLevels, RaimReport, Verdict};
+use crate::integrity::{ProtectionLevels, Verdict};
 use crate::time::GpsTime;
 
 /// A position and what was said of it.
@@ -22,14 +22,9 @@ pub struct Claim {
 }
 
 impl Claim {
-    /// What a report says of a position.
-    pub fn of(time_gps: GpsTime, position: Ecef, report: &RaimReport) -> Self {
-        Self {
-            time_gps,
-            position,
-            is_reliable: report.verdict == Verdict::Reliable,
-            levels: report.protection,
-        }
+    /// A position with the verdict on it and its levels.
+    pub fn of(time_gps: GpsTime, position: Ecef, verdict: Verdict, levels: Option<ProtectionLevels>) -> Self {
+        Self { time_gps, position, is_reliable: verdict == Verdict::Reliable, levels }
     }
 }
 

@@ -7,7 +7,7 @@ mod truth;
 mod truth_table;
 
 pub use claims::{Claim, Protection};
-pub use score::{Accuracy, Solution, Spans, score};
+pub use score::{Accuracy, Solution, Spans, percentile, score};
 pub use shift::{TimeShift, time_shift};
 pub use truth::{TRUTH_COLUMNS, Truth, TruthError, TruthPoint};
 pub(crate) use truth::{TableRow, TruthPosition};

@@ -191,7 +191,7 @@ fn mean(scored: &[Scored], value: impl Fn(&Scored) -> f64) -> f64 {
 }
 
 /// The `fraction` quantile of sorted values by linear interpolation; NaN without values.
-pub(super) fn percentile(sorted: &[f64], fraction: f64) -> f64 {
+pub fn percentile(sorted: &[f64], fraction: f64) -> f64 {
     let position = fraction * sorted.len().saturating_sub(1) as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within the slice's length
     let below = position.floor() as usize;

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use cofix_common::frames::Enu;
 use cofix_common::fusion::peers::ErrorKind;
 
+use crate::displaced::bounds;
 use crate::group::Group;
-use crate::lies::{Car, bounds, east, events, first_error};
+use crate::lies::{Car, east, events, first_error};
 
 type Lie = (&'static str, ErrorKind, fn(Car) -> Group);
 

@@ -1,6 +1,5 @@
 //! Groups with a phone that lies, and what is told of it.
 
-use cofix_common::constraint::{Constraint, Distance};
 use cofix_common::frames::{EcefVector, Enu, LocalFrame};
 use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::fusion::peers::{ErrorKind, EventKind};
@@ -8,6 +7,7 @@ use cofix_common::simulation::{ConvoyOptions, OwnMotion, Scenario, Traffic};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::EpochMessage;
 
+use crate::displaced::{displace, east_of};
 use crate::group::Group;
 
 const DURATION_S: f64 = 180.0;
@@ -59,7 +59,11 @@ impl Car {
 
     /// The liar's pseudoranges and positions are those of a displaced place.
     pub fn displaced(self, by: impl Fn(&Group, f64) -> EcefVector) -> Group {
-        self.lying(|group, message, lying_s| Some(displaced(group, self.liar(), message, by(group, lying_s))))
+        self.lying(|group, mut message, lying_s| {
+            let place = group.simulation.truth_at(self.liar(), message.time_gps).position;
+            displace(&mut message, place, by(group, lying_s));
+            Some(message)
+        })
     }
 
     /// The way back to where the liar was at the begin.
@@ -101,30 +105,10 @@ impl Car {
     }
 }
 
-fn displaced(group: &Group, phone: usize, mut message: EpochMessage, by: EcefVector) -> EpochMessage {
-    let truth = group.simulation.truth_at(phone, message.time_gps).position;
-    for observation in &mut message.observations {
-        let range_m = |from| observation.satellite_position.distance_m(from);
-        observation.pseudorange_m += range_m(truth + by) - range_m(truth);
-        observation.range_change = None;
-    }
-    if let Some(solution) = &mut message.wls {
-        solution.position = solution.position + by;
-    }
-    message
-}
-
 /// Metres to the east.
 pub fn east(group: &Group, metres: f64) -> EcefVector {
     let start = group.simulation.scenario().start_gps;
-    let frame = LocalFrame::at(group.simulation.truth_at(0, start).position);
-    frame.vector_enu_to_ecef(Enu { east: metres, north: 0.0, up: 0.0 })
-}
-
-/// Two metres between all phones.
-pub fn bounds(phones: usize) -> Vec<Constraint> {
-    let pair = |a, b| Constraint::Distance(Distance { phones: [a, b], minimum_m: 0.0, maximum_m: 2.0 });
-    (0..phones).flat_map(|a| (a + 1..phones).map(move |b| pair(a, b))).collect()
+    east_of(group.simulation.truth_at(0, start).position, metres)
 }
 
 pub fn events(epochs: &[(f64, FusedEpoch)]) -> Vec<Told> {

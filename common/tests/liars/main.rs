@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests
 
+#[path = "../displaced/mod.rs"]
+mod displaced;
 #[path = "../group/mod.rs"]
 mod group;
 mod honest;
@@ -12,8 +14,9 @@ mod wrong_constraints;
 use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::fusion::peers::EventKind;
 use cofix_common::integrity::{Cause, Verdict};
+use displaced::bounds;
 use group::Group;
-use lies::{Car, Told, bounds, east, events, p95_m};
+use lies::{Car, Told, east, events, p95_m};
 
 /// Whether tests of minutes are wanted: those of many hours and seeds.
 fn takes_minutes() -> bool {

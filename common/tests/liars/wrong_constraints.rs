@@ -7,8 +7,9 @@ use cofix_common::fusion::peers::EventKind;
 use cofix_common::simulation::Scenario;
 use cofix_common::time::GpsTime;
 
+use crate::displaced::bounds;
 use crate::group::Group;
-use crate::lies::{Car, bounds, events, p95_m};
+use crate::lies::{Car, events, p95_m};
 
 const DURATION_S: f64 = 120.0;
 

@@ -35,9 +35,10 @@ pub struct JournalReader {
     segments: u32,
     segment: Option<Segment>,
     origin: Option<Origin>,
-    /// Of the first segment: entries before those that [`JournalReader::open`] needed.
+    /// Senders by their numbers in the present segment.
     senders: BTreeMap<u32, String>,
     damages: Vec<String>,
+    /// The next entry: it is read ahead, since what a journal is of stands before it.
     waiting: Option<Entry>,
 }
 

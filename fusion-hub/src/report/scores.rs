@@ -6,7 +6,6 @@ use cofix_common::accuracy::{Accuracy, Claim, Protection, Solution, Spans, Truth
 use cofix_common::filter::PhoneState;
 use cofix_common::frames::Ecef;
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
-use cofix_common::integrity::Verdict;
 use cofix_common::time::GpsTime;
 use serde::Serialize;
 
@@ -188,24 +187,22 @@ impl PhoneScores {
                 position: solution.position,
                 covariance: solution.position_covariance,
             }));
+            let raim = &message.raim;
             self.claims.extend(
-                message.wls.as_ref().map(|solution| Claim::of(time, solution.position, &message.raim)),
+                message.wls.as_ref().map(|wls| Claim::of(time, wls.position, raim.verdict, raim.protection)),
             );
             self.local.extend(message.local.as_ref().map(|state| claimed(time, state)));
             let local = message.local.as_ref().zip(message.local_integrity);
-            self.local_claims.extend(local.map(|(state, report)| Claim {
-                time_gps: time,
-                position: state.position(),
-                is_reliable: report.verdict == Verdict::Reliable,
-                levels: report.protection,
-            }));
+            self.local_claims.extend(
+                local.map(|(state, report)| {
+                    Claim::of(time, state.position(), report.verdict, report.protection)
+                }),
+            );
         }
-        self.fused_claims.extend(phone.state.as_ref().zip(phone.verdict).map(|(state, verdict)| Claim {
-            time_gps,
-            position: state.position(),
-            is_reliable: verdict == Verdict::Reliable,
-            levels: phone.protection,
-        }));
+        let fused = phone.state.as_ref().zip(phone.verdict);
+        self.fused_claims.extend(
+            fused.map(|(state, verdict)| Claim::of(time_gps, state.position(), verdict, phone.protection)),
+        );
         self.joint.extend(phone.state.as_ref().map(|state| claimed(time_gps, state)));
     }
 
