@@ -69,7 +69,7 @@ fn assert_not_reliable(name: &str, liar: usize, fused: &[(f64, FusedEpoch)], tol
 #[test]
 fn a_phone_at_the_wrong_place_is_named() {
     for car in [3, 4].map(Car::of) {
-        assert_named("30 m away", car, 20.0, &car.displaced(|group, _| east(group, 30.0)));
+        assert_named("30 m away", car, 10.0, &car.displaced(|group, _| east(group, 30.0)));
     }
 }
 
@@ -83,7 +83,7 @@ fn a_phone_that_walks_away_is_named_before_it_is_16_m_off() {
 #[test]
 fn a_frozen_phone_is_named() {
     let car = Car::of(4);
-    assert_named("frozen", car, 40.0, &car.displaced(|group, lying_s| car.back(group, lying_s)));
+    assert_named("frozen", car, 20.0, &car.displaced(|group, lying_s| car.back(group, lying_s)));
 }
 
 #[test]

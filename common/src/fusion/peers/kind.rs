@@ -1,7 +1,7 @@
 //! What kind of error an isolated phone has.
 //!
-//! Its epoch-wise solutions and the velocity of its filter over the last seconds are compared with the filters of its companions, the phones that are bound to be near
-//! it. Its own filter's position would not do: robust weights hold it back for many seconds. Each kind says what position and velocity are from some
+//! Its epoch-wise solutions of position and velocity over the last seconds are compared with the filters of its companions, the phones that are bound to be near
+//! it. Its own filter would not do: robust weights hold it back for many seconds, and a position that is moved shows in its velocity. Each kind says what position and velocity are from some
 //! instant on; before it the phone agrees. The kind and instant that fit best count, unless another kind fits nearly as well. Everything is
 //! horizontal.
 //!
@@ -15,11 +15,12 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::{Matrix2x3, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::plane_at;
 use crate::constraint::FreePhone;
-use crate::frames::{Ecef, EcefVector, LocalFrame};
+use crate::frames::{Ecef, EcefVector};
 use crate::time::GpsTime;
 use crate::wire::EpochMessage;
 
@@ -31,7 +32,7 @@ const INTERVAL_S: f64 = 0.5;
 const LEAST_SIGMA_M: f64 = 2.0;
 /// Minimum number of moments from the begin of the error on.
 const FEWEST: usize = 4;
-/// Standard deviation of the difference of two velocities, m/s.
+/// Standard deviation of the difference of two velocities, m/s, beside that of the own Doppler.
 const VELOCITY_SIGMA_MPS: f64 = 0.3;
 /// Share of a position's misfit that counts, because errors of successive solutions are alike.
 const POSITION_SHARE: f64 = 0.5;
@@ -52,6 +53,8 @@ const FASTEST_DRIFT_MPS: f64 = 5.0;
 const LEAST_WAY_M: f64 = 20.0;
 /// Minimum mean difference of velocities of a phone that moves otherwise, in standard deviations.
 const LEAST_APART_SIGMAS: f64 = 1.5;
+/// Share of its way from the companions that its velocity may leave unexplained: one that jumps does not move there.
+const LARGEST_UNEXPLAINED: f64 = 0.5;
 
 /// Kind of error of an isolated phone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -90,10 +93,12 @@ impl ErrorKind {
 #[derive(Clone, Copy, Debug)]
 pub(in crate::fusion) struct Seen {
     /// Position and velocity of its filter, which no constraint touches.
-    position: Ecef,
+    pub(super) position: Ecef,
     velocity: EcefVector,
     /// Epoch-wise position at the epoch's time, and the standard deviation of a component, m.
-    solution: Option<(Ecef, f64)>,
+    pub(super) solution: Option<(Ecef, f64)>,
+    /// Velocity by the epoch's Doppler, or else that of the filter, and the standard deviation of a component, m/s.
+    own_velocity: (EcefVector, f64),
 }
 
 impl Seen {
@@ -107,7 +112,11 @@ impl Seen {
             let sigma_m = (solution.position_covariance.trace() / 3.0).sqrt().max(LEAST_SIGMA_M);
             Some((solution.position + carried, sigma_m))
         });
-        Self { position, velocity, solution }
+        let doppler = message.and_then(|message| message.wls.as_ref()?.velocity.as_ref());
+        let own_velocity = doppler.map_or((velocity, 0.0), |solution| {
+            (solution.velocity, (solution.covariance.trace() / 3.0).sqrt())
+        });
+        Self { position, velocity, solution, own_velocity }
     }
 
     pub fn speed_mps(&self) -> f64 {
@@ -127,6 +136,7 @@ struct Moment {
     own: Ecef,
     sigma_m: f64,
     velocity: EcefVector,
+    velocity_sigma_mps: f64,
     others: Ecef,
     others_velocity: EcefVector,
 }
@@ -146,7 +156,8 @@ impl History {
             time_gps,
             own,
             sigma_m,
-            velocity: phone.velocity,
+            velocity: phone.own_velocity.0,
+            velocity_sigma_mps: VELOCITY_SIGMA_MPS.hypot(phone.own_velocity.1),
             others: Ecef(sum(|seen| seen.position.0)),
             others_velocity: EcefVector(sum(|seen| seen.velocity.0)),
         });
@@ -155,13 +166,13 @@ impl History {
     /// The kind of error that the phone has at the last moment.
     pub fn kind(&self) -> ErrorKind {
         let Some(first) = self.0.front() else { return ErrorKind::Unknown };
-        let frame = LocalFrame::at(first.others);
-        let plane: Matrix2x3<f64> = frame.rotation_ecef_to_enu().fixed_view::<2, 3>(0, 0).into_owned();
+        let plane = plane_at(first.others);
         let step = |moment: &Moment| Step {
             time_s: moment.time_gps - first.time_gps,
             own_m: plane * (moment.own - first.others).0,
             sigma_m: moment.sigma_m,
             own_mps: plane * moment.velocity.0,
+            velocity_sigma_mps: moment.velocity_sigma_mps,
             others_m: plane * (moment.others - first.others).0,
             others_mps: plane * moment.others_velocity.0,
         };
@@ -176,6 +187,7 @@ struct Step {
     own_m: Vector2<f64>,
     sigma_m: f64,
     own_mps: Vector2<f64>,
+    velocity_sigma_mps: f64,
     others_m: Vector2<f64>,
     others_mps: Vector2<f64>,
 }
@@ -185,6 +197,10 @@ impl Step {
         self.own_m - self.others_m
     }
 
+    fn difference_mps(&self) -> Vector2<f64> {
+        self.own_mps - self.others_mps
+    }
+
     /// Misfit of a position with this offset from the companions.
     fn position_misfit(&self, offset_m: Vector2<f64>) -> f64 {
         let squared = (self.offset_m() - offset_m).norm_squared() / self.sigma_m.powi(2);
@@ -192,7 +208,7 @@ impl Step {
     }
 
     fn velocity_misfit(&self, velocity_mps: Vector2<f64>) -> f64 {
-        let squared = (self.own_mps - velocity_mps).norm_squared() / VELOCITY_SIGMA_MPS.powi(2);
+        let squared = (self.own_mps - velocity_mps).norm_squared() / self.velocity_sigma_mps.powi(2);
         squared.min(LARGEST_MISFIT)
     }
 
@@ -282,18 +298,31 @@ fn frozen(wrong: &[Step]) -> f64 {
     FROZEN + wrong.iter().map(misfit).sum::<f64>()
 }
 
-/// Moves by its own velocity, from where the companions were at the first of these moments.
+/// Moves by its own velocity, from where it was up to a second after it left the companions.
 fn apart(wrong: &[Step]) -> f64 {
-    let difference_mps = |step: &Step| step.own_mps - step.others_mps;
-    let (mut offset_m, mut sigmas, mut misfit) = (Vector2::zeros(), 0.0, 0.0);
+    let Some(first) = wrong.first() else { return f64::INFINITY };
+    let begins_s = [0.0, 0.5, 1.0];
+    begins_s
+        .map(|begin_s| apart_from(first.difference_mps() * begin_s, wrong))
+        .into_iter()
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// The same with an offset from the companions at the first of these moments, m.
+fn apart_from(mut offset_m: Vector2<f64>, wrong: &[Step]) -> f64 {
+    let (mut sigmas, mut misfit) = (0.0, 0.0);
     for (before, step) in wrong.iter().zip(wrong.iter().skip(1)) {
-        let mean_mps = (difference_mps(before) + difference_mps(step)) / 2.0;
+        let mean_mps = (before.difference_mps() + step.difference_mps()) / 2.0;
         offset_m += mean_mps * (step.time_s - before.time_s);
-        sigmas += difference_mps(step).norm() / VELOCITY_SIGMA_MPS;
+        sigmas += step.difference_mps().norm() / step.velocity_sigma_mps;
         misfit += step.position_misfit(offset_m) + FREE_VELOCITY;
     }
+    let is_way_explained = wrong.last().is_some_and(|last| {
+        let unexplained_m = (last.offset_m() - offset_m).norm();
+        unexplained_m <= LARGEST_UNEXPLAINED * last.offset_m().norm() + last.sigma_m
+    });
     let is_apart = sigmas >= LEAST_APART_SIGMAS * wrong.len().saturating_sub(1) as f64;
-    if is_apart { misfit } else { f64::INFINITY }
+    if is_apart && is_way_explained { misfit } else { f64::INFINITY }
 }
 
 /// Median of each component.
@@ -316,7 +345,7 @@ mod tests {
             let time_s = f64::from(second);
             let (others_m, others_mps) = bend(time_s);
             let (own_m, own_mps) = if time_s < 0.0 { (others_m, others_mps) } else { own(time_s) };
-            Step { time_s, own_m, sigma_m: 5.0, own_mps, others_m, others_mps }
+            Step { time_s, own_m, sigma_m: 5.0, own_mps, velocity_sigma_mps: 0.3, others_m, others_mps }
         };
         Track((-20..12).map(step).collect()).kind()
     }
