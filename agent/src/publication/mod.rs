@@ -5,10 +5,13 @@
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until the hub has all.
 
+pub mod endpoint;
 mod history;
+mod limits;
 pub mod link;
 pub(crate) mod pace;
 mod receipt;
+pub mod secured;
 
 use std::cell::Cell;
 use std::time::{Duration, Instant};

@@ -1,6 +1,8 @@
 //! The hub's side of Zenoh: subscriptions, receipts, fused states.
 
+mod access;
 pub mod intake;
+mod listening;
 mod pace;
 mod questions;
 mod receipts;
@@ -21,6 +23,8 @@ use zenoh::{Session, Wait};
 
 use crate::network::intake::Arrival;
 
+pub use access::access_control;
+pub use listening::{ListenArguments, Listening};
 use pace::PlaybackClock;
 pub use questions::HistoryQuestions;
 pub use receipts::Receipts;
@@ -80,18 +84,18 @@ fn zenoh_error(error: zenoh::Error) -> anyhow::Error {
 }
 
 impl Network {
-    /// Listens on `endpoints` for the agents of a group, and tells agents of other phones than `phones` so. Blocks.
+    /// Listens for the agents of a group, and tells agents of other phones than `phones` so. Blocks.
     ///
     /// # Errors
-    /// When an endpoint is malformed or taken, or the group's name cannot be part of a key.
+    /// When an endpoint is malformed or taken, Zenoh does not take the guard, or the group's name cannot be part of a key.
     pub fn listen(
         group: &str,
         phones: &[String],
-        endpoints: &[String],
+        listening: &Listening,
     ) -> anyhow::Result<(Self, Receiver<Event>)> {
         let (sender, events) = sync_channel(WAITING_EVENTS);
         let receipts = Receipts::default();
-        let session = link::listen(endpoints)?;
+        let session = link::listen(&listening.endpoints, listening.guard.as_ref())?;
         let epochs = subscribe(&session, &all_epochs_key(group)?, sender.clone(), Event::Epoch)?;
         let status = subscribe(&session, &all_status_key(group)?, sender.clone(), Event::Status)?;
         let alive = watch(&session, &all_liveliness_key(group)?, sender.clone())?;
