@@ -16,7 +16,7 @@ use cofix_hub::group::Course;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_hub::report::Report;
 use cofix_tests::enrolled::{Enrolled, LIAR, Stranger, run_impatient};
-use cofix_tests::{Hub, agent_config, by_hand, run_agents, small_plan};
+use cofix_tests::{Hub, agent_config, by_hand, run_agents, small_plan, start_agent};
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
@@ -80,6 +80,26 @@ fn refusal(plan: &Plan, hub: &Hub, credentials: Option<Credentials>) -> AgentErr
     }
     let config = agent_config(plan, 0, &connect).unwrap();
     run_impatient(AgentConfig { credentials, ..config }).unwrap_err()
+}
+
+/// Time of a live run at full speed, with and without TLS. `cargo test --workspace --test who_may_speak -- --ignored --nocapture`
+#[test]
+#[ignore = "a measurement"]
+fn time_with_and_without_tls() {
+    let plan = small_plan(4, 900.0).unwrap();
+    let enrolled = Enrolled::new(&plan).unwrap();
+    for _ in 0..3 {
+        let plainly = Hub::start(&plan, LIVE).unwrap();
+        let begun = std::time::Instant::now();
+        run_agents(&plan, &plainly.endpoints).unwrap();
+        plainly.join().unwrap();
+        let plain_s = begun.elapsed().as_secs_f64();
+        let secured = Hub::start_for(&plan, LIVE, &enrolled.listening(false).unwrap()).unwrap();
+        let begun = std::time::Instant::now();
+        enrolled.run_agents(&plan, &secured.endpoints).unwrap();
+        secured.join().unwrap();
+        println!("{plain_s:.2} s in TCP, {:.2} s in TLS", begun.elapsed().as_secs_f64());
+    }
 }
 
 #[test]
@@ -295,4 +315,55 @@ fn a_message_that_is_too_large_for_the_wire_costs_its_sender_alone() {
     assert!((1..=2).contains(&unreadable), "{unreadable}: those that Zenoh puts together");
     assert_eq!(report.phones["SIM2"].skips, clean.phones["SIM2"].skips);
     let _ = session.close().wait();
+}
+
+/// The report on SIM2, beside whom SIM1 sends nothing, or as many messages as it can.
+fn beside(plan: &Plan, is_flooded: bool) -> Report {
+    let enrolled = Enrolled::new(plan).unwrap();
+    let course = Course::Live { until_finished: false };
+    let hub = Hub::start_for(plan, course, &enrolled.listening(false).unwrap()).unwrap();
+    let session = Stranger::with(enrolled.credentials("SIM1").unwrap()).connect(&hub.endpoints).unwrap();
+    let key = epoch_key(&plan.group, "SIM1").unwrap();
+    let stop = Stop::default();
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while is_flooded && !stop.is_requested() {
+                let put = session.put(&key, b"CXnothing".to_vec());
+                put.congestion_control(CongestionControl::Block).wait().unwrap();
+            }
+        });
+        if is_flooded {
+            std::thread::sleep(Duration::from_secs(2));
+        }
+        let agent = start_agent(enrolled.agent(plan, 1, &hub.endpoints).unwrap());
+        let outcome = agent.join().unwrap();
+        stop.request();
+        outcome.unwrap();
+    });
+    session.close().wait().unwrap();
+    hub.end().unwrap()
+}
+
+#[test]
+fn a_flood_costs_the_phone_that_sends_it() {
+    let plan = small_plan(2, 30.0).unwrap();
+    let (clean, flooded) = (beside(&plan, false), beside(&plan, true));
+    assert_eq!(flooded.methods, clean.methods);
+    let [found, expected] = [&flooded, &clean].map(|report| &report.phones["SIM2"]);
+    assert_eq!((found.epochs, &found.skips), (expected.epochs, &expected.skips));
+    assert!(found.epochs > 20, "{}", found.epochs);
+    let skips = &flooded.phones["SIM1"].skips;
+    assert!(skips.count(Reason::MessageBeyondRate) > 0, "{skips}");
+}
+
+#[test]
+fn strangers_that_connect_and_say_nothing_keep_nobody_out() {
+    let plan = small_plan(1, 20.0).unwrap();
+    let enrolled = Enrolled::new(&plan).unwrap();
+    let hub = Hub::start_for(&plan, LIVE, &enrolled.listening(false).unwrap()).unwrap();
+    let address = hub.endpoints[0].trim_start_matches("tls/").to_owned();
+    let idle: Vec<_> = (0..300).map(|_| std::net::TcpStream::connect(&address).unwrap()).collect();
+    enrolled.run_agents(&plan, &hub.endpoints).unwrap();
+    assert_same(&hub.join().unwrap(), &undisturbed(&plan));
+    drop(idle);
 }

@@ -10,6 +10,7 @@ mod history;
 mod limits;
 pub mod link;
 pub(crate) mod pace;
+pub mod rate;
 mod receipt;
 pub mod secured;
 
@@ -33,6 +34,7 @@ use zenoh::{Session, Wait};
 use crate::{AgentConfig, Stop};
 
 use history::{Address, History};
+use rate::{AGENT_AT_ONCE, AGENT_PER_S, Allowance};
 use receipt::ReceiptWait;
 pub(crate) use receipt::UNANSWERED;
 
@@ -102,6 +104,8 @@ pub struct Publication {
     alive: LivelinessToken,
     longest_stall: Duration,
     published: u64,
+    /// `None`: the hub is in this process and takes everything.
+    allowance: Option<Allowance>,
 }
 
 impl Publication {
@@ -130,6 +134,8 @@ impl Publication {
             alive,
             longest_stall: agent.longest_stall(),
             published: 0,
+            allowance: (!agent.hub_in_process)
+                .then(|| Allowance::new(AGENT_AT_ONCE, AGENT_PER_S, Instant::now())),
         })
     }
 
@@ -159,6 +165,9 @@ impl Publication {
         let bytes = ZBytes::from(encode(message)?);
         // Kept first: a hub may ask for it as soon as it has arrived.
         self.history.ring().keep_epoch(message.sequence, bytes.clone());
+        while self.allowance.as_mut().is_some_and(|allowance| !allowance.take(1.0, Instant::now())) {
+            std::thread::sleep(POLL);
+        }
         put(&self.epochs, bytes)?;
         self.published += 1;
         Ok(())

@@ -20,12 +20,15 @@ pub struct Listening {
     pub endpoints: Vec<String>,
     /// Whom it lets in; `None`: everybody.
     pub guard: Option<Guard>,
+    /// Whether there is a limit of what a phone may send; agents of this process need none.
+    pub is_limited: bool,
 }
 
 impl Listening {
-    /// For everybody who reaches the endpoints.
+    /// For everybody who reaches the endpoints, without a limit.
     pub fn plain(endpoints: &[&str]) -> Self {
-        Self { endpoints: endpoints.iter().map(|&endpoint| endpoint.to_owned()).collect(), guard: None }
+        let endpoints = endpoints.iter().map(|&endpoint| endpoint.to_owned()).collect();
+        Self { endpoints, guard: None, is_limited: false }
     }
 }
 
@@ -67,12 +70,13 @@ impl ListenArguments {
         let endpoints =
             if self.listen.is_empty() { everywhere(&register.hub, folder)? } else { self.listen.clone() };
         let access_control = access_control(group, &register.phones, self.share_fused)?;
-        Ok(Listening { endpoints, guard: Some(Guard { credentials, access_control }) })
+        let guard = Some(Guard { credentials, access_control });
+        Ok(Listening { endpoints, guard, is_limited: true })
     }
 
     fn without_certificates(&self) -> anyhow::Result<Listening> {
         if self.listen.is_empty() {
-            return Ok(Listening::plain(&[ON_LOOPBACK]));
+            return Ok(Listening { is_limited: true, ..Listening::plain(&[ON_LOOPBACK]) });
         }
         if let Some(open) = self.listen.iter().find(|endpoint| !is_on_loopback(endpoint))
             && !self.insecure
@@ -83,7 +87,7 @@ impl ListenArguments {
                  agents on this computer, or say --insecure in a network in which you trust everybody"
             );
         }
-        Ok(Listening { endpoints: self.listen.clone(), guard: None })
+        Ok(Listening { endpoints: self.listen.clone(), guard: None, is_limited: true })
     }
 }
 

@@ -1,6 +1,7 @@
 //! The hub's side of Zenoh: subscriptions, receipts, fused states.
 
 mod access;
+mod gate;
 pub mod intake;
 mod listening;
 mod pace;
@@ -8,7 +9,9 @@ mod questions;
 mod receipts;
 pub mod recovery;
 
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Instant;
 
 use cofix_agent::publication::link;
 use cofix_common::wire::{
@@ -24,6 +27,7 @@ use zenoh::{Session, Wait};
 use crate::network::intake::Arrival;
 
 pub use access::access_control;
+use gate::{Gate, Passage};
 pub use listening::{ListenArguments, Listening};
 use pace::PlaybackClock;
 pub use questions::HistoryQuestions;
@@ -56,6 +60,13 @@ pub enum Event {
         /// Whether it has appeared.
         alive: bool,
     },
+    /// Messages of a phone that were too many, and were not let in.
+    Shed {
+        /// The phone in the key.
+        phone: String,
+        /// How many.
+        count: u64,
+    },
     /// An agent of this process ended.
     AgentEnded {
         /// The phone.
@@ -65,12 +76,61 @@ pub enum Event {
     },
 }
 
+/// The way from Zenoh's threads to the hub's.
+#[derive(Clone)]
+struct Entrance {
+    /// `None`: everything is let in.
+    gate: Option<Arc<Gate>>,
+    sender: SyncSender<Event>,
+}
+
+impl Entrance {
+    /// Takes a message, if its phone may send that much.
+    fn take(&self, sample: &Sample, event: impl FnOnce(Arrival) -> Event) {
+        let Some(phone) = phone_of_key(sample.key_expr().as_str()) else { return };
+        if self.is_open_for(phone, sample.payload().len())
+            && let Some(arrival) = arrival(sample)
+        {
+            self.send(event(arrival));
+        }
+    }
+
+    fn lets_in(&self, query: &Query) -> bool {
+        phone_of_key(query.key_expr().as_str())
+            .is_some_and(|phone| self.is_open_for(phone, query.parameters().as_str().len()))
+    }
+
+    fn presence(&self, phone: &str, alive: bool) {
+        let told = self.gate.as_ref().map_or(Some(alive), |gate| gate.presence(phone, alive, Instant::now()));
+        if let Some(alive) = told {
+            self.send(Event::Alive { phone: phone.to_owned(), alive });
+        }
+    }
+
+    fn is_open_for(&self, phone: &str, bytes: usize) -> bool {
+        let Some(gate) = &self.gate else { return true };
+        let Passage { is_open, shed, alive } = gate.message(phone, bytes, Instant::now());
+        if let Some(count) = shed {
+            self.send(Event::Shed { phone: phone.to_owned(), count });
+        }
+        if let Some(alive) = alive {
+            self.send(Event::Alive { phone: phone.to_owned(), alive });
+        }
+        is_open
+    }
+
+    fn send(&self, event: Event) {
+        // Fails only when the hub has ended.
+        let _ = self.sender.send(event);
+    }
+}
+
 /// A hub on Zenoh. Everything ends when it is dropped.
 pub struct Network {
     session: Session,
     group: String,
     receipts: Receipts,
-    sender: SyncSender<Event>,
+    entrance: Entrance,
     _epochs: Subscriber<()>,
     _status: Subscriber<()>,
     _alive: Subscriber<()>,
@@ -96,26 +156,37 @@ impl Network {
         let (sender, events) = sync_channel(WAITING_EVENTS);
         let receipts = Receipts::default();
         let session = link::listen(&listening.endpoints, listening.guard.as_ref())?;
-        let epochs = subscribe(&session, &all_epochs_key(group)?, sender.clone(), Event::Epoch)?;
-        let status = subscribe(&session, &all_status_key(group)?, sender.clone(), Event::Status)?;
-        let alive = watch(&session, &all_liveliness_key(group)?, sender.clone())?;
+        let gate = listening.is_limited.then(|| Gate::new(phones, Instant::now()));
+        let entrance = Entrance { gate: gate.map(Arc::new), sender: sender.clone() };
+        let epochs = subscribe(&session, &all_epochs_key(group)?, entrance.clone(), Event::Epoch)?;
+        let status = subscribe(&session, &all_status_key(group)?, entrance.clone(), Event::Status)?;
+        let alive = watch(&session, &all_liveliness_key(group)?, entrance.clone())?;
         let (answers, phones) = (receipts.clone(), phones.to_vec());
+        let (receipt_entrance, pace_entrance) = (entrance.clone(), entrance.clone());
         let queryable = session
             .declare_queryable(all_receipts_key(group)?)
-            .callback(move |query| answer(&answers, &phones, &query))
+            .callback(move |query| {
+                if receipt_entrance.lets_in(&query) {
+                    answer(&answers, &phones, &query);
+                }
+            })
             .wait()
             .map_err(zenoh_error)?;
         let clock = PlaybackClock::default();
         let paces = session
             .declare_queryable(all_paces_key(group)?)
-            .callback(move |query| clock.answer(&query))
+            .callback(move |query| {
+                if pace_entrance.lets_in(&query) {
+                    clock.answer(&query);
+                }
+            })
             .wait()
             .map_err(zenoh_error)?;
         let network = Self {
             session,
             group: group.to_owned(),
             receipts,
-            sender,
+            entrance,
             _epochs: epochs,
             _status: status,
             _alive: alive,
@@ -132,7 +203,7 @@ impl Network {
 
     /// The sender for events from this process.
     pub fn sender(&self) -> SyncSender<Event> {
-        self.sender.clone()
+        self.entrance.sender.clone()
     }
 
     /// The receipts that agents ask for.
@@ -145,7 +216,7 @@ impl Network {
     /// # Errors
     /// When no thread can be started for them.
     pub fn history(&self) -> anyhow::Result<HistoryQuestions> {
-        HistoryQuestions::start(self.session.clone(), self.group.clone(), self.sender.clone())
+        HistoryQuestions::start(self.session.clone(), self.group.clone(), self.entrance.clone())
     }
 
     /// A publisher of fused states.
@@ -205,17 +276,12 @@ impl FusedPublisher {
 fn subscribe(
     session: &Session,
     key: &str,
-    sender: SyncSender<Event>,
+    entrance: Entrance,
     event: fn(Arrival) -> Event,
 ) -> anyhow::Result<Subscriber<()>> {
     session
         .declare_subscriber(key)
-        .callback(move |sample| {
-            if let Some(arrival) = arrival(&sample) {
-                // Fails only when the hub has ended.
-                let _ = sender.send(event(arrival));
-            }
-        })
+        .callback(move |sample| entrance.take(&sample, event))
         .wait()
         .map_err(zenoh_error)
 }
@@ -229,7 +295,7 @@ fn arrival(sample: &Sample) -> Option<Arrival> {
     Some(Arrival { phone, sender, bytes: sample.payload().to_bytes().into_owned() })
 }
 
-fn watch(session: &Session, key: &str, sender: SyncSender<Event>) -> anyhow::Result<Subscriber<()>> {
+fn watch(session: &Session, key: &str, entrance: Entrance) -> anyhow::Result<Subscriber<()>> {
     session
         .liveliness()
         .declare_subscriber(key)
@@ -237,7 +303,7 @@ fn watch(session: &Session, key: &str, sender: SyncSender<Event>) -> anyhow::Res
         .callback(move |sample| {
             let alive = sample.kind() == SampleKind::Put;
             if let Some(phone) = phone_of_key(sample.key_expr().as_str()) {
-                let _ = sender.send(Event::Alive { phone: phone.to_owned(), alive });
+                entrance.presence(phone, alive);
             }
         })
         .wait()
