@@ -35,12 +35,14 @@ pub enum LinkError {
         reason: String,
     },
     /// No hub answers.
-    #[error("no hub answers at {endpoints} within {waited_s:.0} s: is it running?")]
+    #[error("no hub answers at {endpoints} within {waited_s:.0} s: is it running{}?", about_certificates(*is_secured))]
     Unreachable {
         /// The endpoints.
         endpoints: String,
         /// The wait, s.
         waited_s: f64,
+        /// Whether both sides show certificates.
+        is_secured: bool,
     },
     /// The endpoint cannot be listened on.
     #[error("cannot listen on {endpoints}: {reason}")]
@@ -50,6 +52,14 @@ pub enum LinkError {
         /// What Zenoh says.
         reason: String,
     },
+}
+
+const fn about_certificates(is_secured: bool) -> &'static str {
+    if is_secured {
+        ", at an address that it was enrolled for, and are both certificates of one authority and valid still"
+    } else {
+        ""
+    }
 }
 
 /// Interval at which a lost connection is tried again, ms: a restarted hub should have its phones back before the group waits for them.
@@ -78,7 +88,8 @@ pub fn connect(agent: &AgentConfig, stop: &Stop) -> Result<Option<Session>, Link
         }
         if start.elapsed() >= agent.patience {
             let waited_s = agent.patience.as_secs_f64();
-            return Err(LinkError::Unreachable { endpoints: agent.connect.join(", "), waited_s });
+            let (endpoints, is_secured) = (agent.connect.join(", "), agent.credentials.is_some());
+            return Err(LinkError::Unreachable { endpoints, waited_s, is_secured });
         }
         // An attempt may fail at once.
         if stop.sleep(slice.min(SLICES.0).saturating_sub(begun.elapsed())) {

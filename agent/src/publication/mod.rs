@@ -76,7 +76,7 @@ pub enum PublicationError {
     Receipt(WireError),
     /// No hub subscribes.
     #[error(
-        "connected, but no hub listens for group '{group}' within {waited_s:.0} s: does it run this group?"
+        "connected, but no hub listens for group '{group}' within {waited_s:.0} s: does it run this group, and is this phone enrolled there still, if phones are?"
     )]
     NoListener {
         /// The group.

@@ -93,13 +93,17 @@ impl ListenArguments {
 
 /// All addresses of this computer, on the ports of the hub's addresses.
 fn everywhere(addresses: &[String], folder: &Path) -> anyhow::Result<Vec<String>> {
-    let mut ports = Vec::new();
+    let (mut ports, mut all) = (Vec::new(), "0.0.0.0");
     for address in addresses {
-        let (_, port) = host_and_port(address)
+        let (host, port) = host_and_port(address)
             .map_err(|reason| anyhow::anyhow!("{}: '{address}': {reason}", folder.display()))?;
+        if host.contains(':') {
+            // Takes connections of both versions of the protocol.
+            all = "[::]";
+        }
         ports.push(port);
     }
     ports.sort_unstable();
     ports.dedup();
-    Ok(ports.iter().map(|port| format!("tls/0.0.0.0:{port}")).collect())
+    Ok(ports.iter().map(|port| format!("tls/{all}:{port}")).collect())
 }

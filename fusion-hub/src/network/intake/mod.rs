@@ -18,7 +18,7 @@ use cofix_common::wire::{EpochMessage, KeptMessage, MessageKind, Receipt, Status
 
 use phone::PhoneIntake;
 pub use run::Gap;
-use run::{Counted, Run};
+use run::{Counted, MAXIMUM_PARKED, Run};
 
 /// Bytes from the network, with their phone and sender.
 #[derive(Clone, Debug)]
@@ -185,7 +185,8 @@ impl Intake {
                 .add(Reason::MessageOfSecondAgent, || format!("sequence {sequence} at {}", message.time_gps));
             return None;
         }
-        match intake.run(arrival).count(sequence, from_history) {
+        let has_room = intake.runs.values().map(Run::parked).sum::<usize>() < MAXIMUM_PARKED;
+        match intake.run(arrival).count(sequence, from_history, has_room) {
             Counted::New => {}
             Counted::Repeated { asked_for: false } => {
                 let time = message.time_gps;

@@ -302,7 +302,7 @@ fn the_end_hands_out_what_waits() {
 #[test]
 fn no_more_than_so_many_messages_wait() {
     let mut intake = intake();
-    let most = run::MAXIMUM_PARKED as u64;
+    let most = MAXIMUM_PARKED as u64;
     for sequence in 1..=most + 10 {
         send(&mut intake, sequence);
     }
@@ -311,6 +311,19 @@ fn no_more_than_so_many_messages_wait() {
     assert_eq!(ready(&mut intake).len() as u64, most + 1);
     assert_eq!(gap(&intake), Some((most + 1, most + 11, false)), "the agent has them");
     assert!(intake.phone_skips(0).unwrap().is_empty());
+}
+
+#[test]
+fn many_senders_of_one_phone_share_the_room_to_wait() {
+    let mut intake = intake();
+    let senders: Vec<String> = (0..60).map(|sender| format!("s{sender}")).collect();
+    for sender in &senders {
+        for sequence in 1..=100 {
+            intake.epoch(&from(sender, "a", encode(&epoch("a", sequence)).unwrap()));
+        }
+    }
+    let waiting: u64 = senders.iter().map(|sender| intake.receipt(0, sender).received).sum();
+    assert_eq!(waiting, MAXIMUM_PARKED as u64);
 }
 
 #[test]
