@@ -18,6 +18,11 @@ pub(super) const HUB_LIMITS: &[(&str, &str)] = &[
     ("transport/unicast/accept_timeout", "5000"),
 ];
 
+/// For a hub whose phones are others': one that asks and does not take the answers holds up a thread of the hub for a second, not for Zenoh's five, and is then
+/// disconnected.
+pub(super) const GUARDED_LIMITS: &[(&str, &str)] =
+    &[("transport/link/tx/queue/congestion_control/block/wait_before_close", "1000000")];
+
 /// Twice the longest message of the wire, so that one that is too long is still counted by name.
 const MESSAGE_BYTES: (&str, &str) = ("transport/link/rx/max_message_size", "524288");
 /// Nobody reads or changes the configuration over the network.

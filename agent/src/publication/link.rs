@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use zenoh::{Config, Session, Wait};
 
 use super::endpoint::{check, plain_or_secured};
-use super::limits::{AGENT_LIMITS, HUB_LIMITS};
+use super::limits::{AGENT_LIMITS, GUARDED_LIMITS, HUB_LIMITS};
 use super::secured::Guard;
 use crate::{AgentConfig, Stop};
 
@@ -152,6 +152,7 @@ pub fn listen(endpoints: &[String], guard: Option<&Guard>) -> Result<Session, Li
     check(endpoints, plain_or_secured(guard.is_some()), 0)?;
     let mut config = with_all(config("router", "listen/endpoints", endpoints)?, HUB_LIMITS)?;
     if let Some(Guard { credentials, access_control }) = guard {
+        config = with_all(config, GUARDED_LIMITS)?;
         config = with_all(config, &credentials.to_listen())?;
         config = with(config, "access_control", &access_control.to_string())?;
     }

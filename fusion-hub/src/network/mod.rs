@@ -1,6 +1,7 @@
 //! The hub's side of Zenoh: subscriptions, receipts, fused states.
 
 mod access;
+mod entrance;
 mod gate;
 pub mod intake;
 mod listening;
@@ -21,13 +22,14 @@ use cofix_common::wire::{
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
 use zenoh::query::{Query, Queryable};
-use zenoh::sample::{Sample, SampleKind};
+use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 use crate::network::intake::Arrival;
 
 pub use access::access_control;
-use gate::{Gate, Passage};
+use entrance::Entrance;
+use gate::Gate;
 pub use listening::{ListenArguments, Listening};
 use pace::PlaybackClock;
 pub use questions::HistoryQuestions;
@@ -74,55 +76,6 @@ pub enum Event {
         /// Its error, if it failed.
         outcome: Result<(), String>,
     },
-}
-
-/// The way from Zenoh's threads to the hub's.
-#[derive(Clone)]
-struct Entrance {
-    /// `None`: everything is let in.
-    gate: Option<Arc<Gate>>,
-    sender: SyncSender<Event>,
-}
-
-impl Entrance {
-    /// Takes a message, if its phone may send that much.
-    fn take(&self, sample: &Sample, event: impl FnOnce(Arrival) -> Event) {
-        let Some(phone) = phone_of_key(sample.key_expr().as_str()) else { return };
-        if self.is_open_for(phone, sample.payload().len())
-            && let Some(arrival) = arrival(sample)
-        {
-            self.send(event(arrival));
-        }
-    }
-
-    fn lets_in(&self, query: &Query) -> bool {
-        phone_of_key(query.key_expr().as_str())
-            .is_some_and(|phone| self.is_open_for(phone, query.parameters().as_str().len()))
-    }
-
-    fn presence(&self, phone: &str, alive: bool) {
-        let told = self.gate.as_ref().map_or(Some(alive), |gate| gate.presence(phone, alive, Instant::now()));
-        if let Some(alive) = told {
-            self.send(Event::Alive { phone: phone.to_owned(), alive });
-        }
-    }
-
-    fn is_open_for(&self, phone: &str, bytes: usize) -> bool {
-        let Some(gate) = &self.gate else { return true };
-        let Passage { is_open, shed, alive } = gate.message(phone, bytes, Instant::now());
-        if let Some(count) = shed {
-            self.send(Event::Shed { phone: phone.to_owned(), count });
-        }
-        if let Some(alive) = alive {
-            self.send(Event::Alive { phone: phone.to_owned(), alive });
-        }
-        is_open
-    }
-
-    fn send(&self, event: Event) {
-        // Fails only when the hub has ended.
-        let _ = self.sender.send(event);
-    }
 }
 
 /// A hub on Zenoh. Everything ends when it is dropped.
@@ -284,15 +237,6 @@ fn subscribe(
         .callback(move |sample| entrance.take(&sample, event))
         .wait()
         .map_err(zenoh_error)
-}
-
-fn arrival(sample: &Sample) -> Option<Arrival> {
-    if sample.kind() != SampleKind::Put {
-        return None;
-    }
-    let sender = sample.source_info().map(|info| info.source_id().zid().to_string());
-    let phone = phone_of_key(sample.key_expr().as_str())?.to_owned();
-    Some(Arrival { phone, sender, bytes: sample.payload().to_bytes().into_owned() })
 }
 
 fn watch(session: &Session, key: &str, entrance: Entrance) -> anyhow::Result<Subscriber<()>> {
