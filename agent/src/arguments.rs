@@ -6,11 +6,13 @@ use std::time::Duration;
 use clap::{Args, Parser, Subcommand};
 use cofix_agent::corrections::{approximate_position, base_position};
 use cofix_agent::input::{LiveSource, Trust};
+use cofix_agent::join::{Join, about_expiry};
+use cofix_agent::publication::secured::Credentials;
 use cofix_agent::settings::FileSettings;
 use cofix_agent::settings::{LogOptions, Masks};
 use cofix_agent::{
     AgentConfig, CorrectionSource, CorrectionSourceError, Corrections, ProductFiles, ProductSource, Source,
-    Speed,
+    Speed, clock,
 };
 use cofix_common::frames::Ecef;
 use cofix_common::measurement::Ionosphere;
@@ -129,12 +131,15 @@ pub(crate) struct Convert {
 /// Publishing.
 #[derive(Debug, Args)]
 pub(crate) struct Publish {
+    /// File that 'cofix-hub enroll' has written for this phone: it names group, phone and hub, and the hub lets its holder in
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["group", "phone", "connect"])]
+    join: Option<PathBuf>,
     /// Group that the phone belongs to
-    #[arg(long)]
-    group: String,
+    #[arg(long, required_unless_present = "join")]
+    group: Option<String>,
     /// Name of the phone within the group
-    #[arg(long)]
-    phone: String,
+    #[arg(long, required_unless_present = "join")]
+    phone: Option<String>,
     /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz and .Z too), or a live source: '-' for
     /// standard input, tcp://HOST:PORT for a server that sends bytes, ntrip://USER:PASSWORD@HOST:PORT/MOUNT for a stream of a caster
     /// (ntrips:// with TLS)
@@ -184,6 +189,14 @@ pub(crate) struct Publish {
     patience: u64,
 }
 
+/// Which hub, and as whom.
+struct Hub {
+    group: String,
+    phone: String,
+    connect: Vec<String>,
+    credentials: Option<Credentials>,
+}
+
 impl Publish {
     /// The agent's configuration.
     pub(crate) fn config(
@@ -206,10 +219,11 @@ impl Publish {
             .map(|source| source.parse())
             .collect::<Result<_, CorrectionSourceError>>()?;
         self.trust(&mut source, &mut sources)?;
+        let Hub { group, phone, connect, credentials } = self.hub()?;
         Ok(AgentConfig {
             source,
-            group: self.group,
-            phone: self.phone,
+            group,
+            phone,
             products: ProductSource::Files(products),
             corrections: Corrections {
                 sources,
@@ -217,7 +231,8 @@ impl Publish {
                 options: estimator.differential(),
             },
             approximate_position: self.approximate_position,
-            connect: self.connect,
+            connect,
+            credentials,
             speed: self.speed,
             log: log.with(&masks)?,
             pipeline,
@@ -225,6 +240,20 @@ impl Publish {
             hub_in_process: false,
             kept_messages: AgentConfig::KEPT_MESSAGES,
         })
+    }
+
+    /// Which hub, and as whom.
+    fn hub(&self) -> anyhow::Result<Hub> {
+        let Some(path) = &self.join else {
+            let [group, phone] = [&self.group, &self.phone].map(|name| name.clone().unwrap_or_default());
+            return Ok(Hub { group, phone, connect: self.connect.clone(), credentials: None });
+        };
+        let join = Join::read(path)?;
+        if let Some(said) = about_expiry(join.expires, clock::now()) {
+            tracing::warn!("{}: {said}; whoever enrolled the phone writes a new one", path.display());
+        }
+        let connect = join.endpoints();
+        Ok(Hub { group: join.group, phone: join.phone, connect, credentials: Some(join.credentials) })
     }
 
     /// Gives live sources the trusted certificates.
@@ -285,6 +314,28 @@ mod tests {
         assert_eq!(config.pipeline.correction, PipelineOptions::default().correction);
         assert_eq!(config.pipeline.filter, FilterOptions::default());
         assert_eq!(config.corrections, Corrections::default());
+    }
+
+    #[test]
+    fn a_file_to_join_with_is_all_that_names_hub_group_and_phone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pixel.cofix");
+        let credentials = Credentials { certificate: "C".into(), key: "K".into(), authority: "A".into() };
+        let (group, phone, hub) = ("g".to_owned(), "pixel".to_owned(), vec!["192.0.2.1:7447".to_owned()]);
+        let join = Join { group, phone, hub, expires: clock::now(), credentials: credentials.clone() };
+        std::fs::write(&path, join.text().unwrap()).unwrap();
+        let path = path.display().to_string();
+        let line = ["cofix-agent", "--join", &path, "--observations", "a.rnx"];
+        let Arguments { publish, products, .. } = Arguments::parse_from(line);
+        let config = publish.unwrap().config(products, &FileSettings::default()).unwrap();
+        assert_eq!((config.group.as_str(), config.phone.as_str()), ("g", "pixel"));
+        assert_eq!(config.connect, ["tls/192.0.2.1:7447"]);
+        assert_eq!(config.credentials, Some(credentials));
+        for more in [["--group", "g"], ["--phone", "p"], ["--connect", "tcp/127.0.0.1:1"]] {
+            assert!(Arguments::try_parse_from(line.iter().chain(&more)).is_err(), "{more:?}");
+        }
+        let nobody = ["cofix-agent", "--observations", "a.rnx", "--group", "g"];
+        assert!(Arguments::try_parse_from(nobody).is_err());
     }
 
     #[test]

@@ -17,6 +17,7 @@ pub mod corrections;
 pub mod files;
 pub mod input;
 pub mod inspect;
+pub mod join;
 pub mod publication;
 mod run;
 pub mod settings;

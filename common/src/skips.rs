@@ -40,6 +40,14 @@ impl Skips {
         self.count_as(Key::Borrowed(reason.text()), describe);
     }
 
+    /// Counts `count` instances at once.
+    pub fn add_many(&mut self, reason: Reason, count: u64, describe: impl FnOnce() -> String) {
+        if count > 0 {
+            let skip = Skip { count, first: describe() };
+            self.merge(&Self { by_reason: [(Key::Borrowed(reason.text()), skip)].into() });
+        }
+    }
+
     /// Counts one instance of a reason whose text names a subject (see [`Reason::about`]).
     pub fn add_about(
         &mut self,
@@ -56,7 +64,8 @@ impl Skips {
     }
 
     fn count_as(&mut self, key: Key, describe: impl FnOnce() -> String) {
-        self.by_reason.entry(key).or_insert_with(|| Skip { count: 0, first: describe() }).count += 1;
+        let skip = self.by_reason.entry(key).or_insert_with(|| Skip { count: 0, first: describe() });
+        skip.count = skip.count.saturating_add(1);
     }
 
     /// Adds other counts; existing first instances are kept.
@@ -64,7 +73,7 @@ impl Skips {
         for (reason, skip) in &other.by_reason {
             self.by_reason
                 .entry(reason.clone())
-                .and_modify(|mine| mine.count += skip.count)
+                .and_modify(|mine| mine.count = mine.count.saturating_add(skip.count))
                 .or_insert_with(|| skip.clone());
         }
     }
@@ -76,6 +85,16 @@ impl Skips {
             .iter()
             .map(|(reason, skip)| (Key::Owned(format!("{prefix}{reason}")), skip.clone()));
         Self { by_reason: named.collect() }
+    }
+
+    /// At most `limit` of these counts, with `change` made to each text.
+    pub fn with_texts(&self, limit: usize, change: impl Fn(&str) -> String) -> Self {
+        let mut changed = Self::new();
+        for (reason, skip) in self.by_reason.iter().take(limit) {
+            let skip = Skip { count: skip.count, first: change(&skip.first) };
+            changed.merge(&Self { by_reason: [(Key::Owned(change(reason)), skip)].into() });
+        }
+        changed
     }
 
     /// The same counts with `place` in front of each first instance.
@@ -98,7 +117,7 @@ impl Skips {
 
     /// Sum over all reasons.
     pub fn total(&self) -> u64 {
-        self.by_reason.values().map(|skip| skip.count).sum()
+        self.by_reason.values().fold(0, |sum, skip| sum.saturating_add(skip.count))
     }
 
     /// Whether there are no counts.

@@ -8,6 +8,7 @@
 //! on the messages of each phone and not on how those of different phones interleave.
 
 pub mod demo;
+pub mod enroll;
 pub mod group;
 pub mod journal;
 pub mod live;

@@ -13,7 +13,7 @@ use zenoh::qos::CongestionControl;
 
 use crate::group::{Course, Group, Parts};
 use crate::journal::{Header, Journal, JournalReader, Origin, remove};
-use crate::network::{FusedPublisher, HistoryQuestions, Network, Receipts};
+use crate::network::{FusedPublisher, HistoryQuestions, Listening, Network, Receipts};
 use crate::outputs::{OutputFiles, Outputs, keep_partial};
 use crate::replay::{Outcome, outcome};
 use crate::report::SettingsReport;
@@ -24,8 +24,8 @@ use crate::session::truths::read_truths;
 /// Options of a live hub.
 #[derive(Clone, Debug)]
 pub struct LiveOptions {
-    /// Zenoh endpoints to listen on.
-    pub listen: Vec<String>,
+    /// Where to listen, and for whom.
+    pub listening: Listening,
     /// Files to write.
     pub files: OutputFiles,
     /// Whether to end when the agents of all phones have finished.
@@ -55,7 +55,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     let latency = options.latency.unwrap_or(session.settings.estimator.align().maximum_wait);
     let unfinished =
         options.journal.as_ref().map(|journal| unfinished(session, journal, options)).transpose()?.flatten();
-    let (network, events) = Network::listen(&session.group, &session.phone_names(), &options.listen)?;
+    let (network, events) = Network::listen(&session.group, &session.phone_names(), &options.listening)?;
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
     let (mut group, truth_skips) =
         silent_group(session, latency, options.until_finished, &options.files, network.receipts())?;

@@ -13,8 +13,10 @@ use cofix_agent::stop::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
 use cofix_common::settings::Preset;
 use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
+use cofix_hub::enroll;
 use cofix_hub::journal::{JournalReader, Origin};
 use cofix_hub::live::{self, JournalOptions, LiveOptions};
+use cofix_hub::network::ListenArguments;
 use cofix_hub::outputs::OutputFiles;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_hub::session::Session;
@@ -45,9 +47,8 @@ enum Command {
         /// Folder to which the session file's paths are relative [default: its own]
         #[arg(long, value_name = "DIR")]
         data: Option<PathBuf>,
-        /// Zenoh endpoint to listen on; may be repeated
-        #[arg(long, value_name = "ENDPOINT", default_value = "tcp/0.0.0.0:7447")]
-        listen: Vec<String>,
+        #[command(flatten)]
+        listen: ListenArguments,
         /// End when the agents of all phones have finished, instead of on Ctrl-C
         #[arg(long)]
         until_finished: bool,
@@ -87,6 +88,8 @@ enum Command {
         #[command(flatten)]
         outputs: OutputFiles,
     },
+    /// Make certificates for a group's hub and phones, or revoke a phone's, so that nobody else may listen or speak
+    Enroll(enroll::Arguments),
     /// Write a simulated scenario as files: observations, navigation messages, truth, and a session to replay
     Simulate(simulate::Arguments),
     /// Print every setting of agents and hub as tables for a session file, each with unit, range and meaning
@@ -119,9 +122,11 @@ fn main() -> ExitCode {
     // A live hub tells who comes and goes; elsewhere only what is wrong is said.
     let (usual, lines) = match arguments.command {
         Command::Run { .. } => (LevelFilter::INFO, Lines::Timed),
-        Command::Replay { .. } | Command::Demo { .. } | Command::Simulate(_) | Command::Settings { .. } => {
-            (LevelFilter::WARN, Lines::Plain)
-        }
+        Command::Replay { .. }
+        | Command::Demo { .. }
+        | Command::Simulate(_)
+        | Command::Settings { .. }
+        | Command::Enroll(_) => (LevelFilter::WARN, Lines::Plain),
     };
     start_log(arguments.verbosity, usual, lines);
     cofix_console::conclude(run_until_asked_to_end(move |stop| execute(arguments.command, stop)))
@@ -143,11 +148,12 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             let read = live_inputs(&file, &session);
             let named = inputs(&file, &session);
             let report = ReportPlan::new(&outputs, &named, read, folder(&file, data.as_deref()))?;
+            let listening = listen.of_group(&session.group, &session.phone_names())?;
             let latency = latency.map(Duration::from_secs_f64);
             let beside = || outputs.recording.as_ref().map(|recording| recording.with_extension("mcap"));
             let journal = journal.or_else(beside).filter(|_| !no_journal);
             let journal = journal.map(|path| JournalOptions { path, session_path: file, data });
-            let options = LiveOptions { listen, files: outputs, until_finished, latency, journal };
+            let options = LiveOptions { listening, files: outputs, until_finished, latency, journal };
             conclude(live::run(&session, &options, stop)?, report)
         }
         Command::Replay { session, journal: Some(journal), data, outputs, .. } => {
@@ -167,6 +173,7 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             let plan = cofix_hub::demo::plan(cofix_hub::demo::scenario())?;
             conclude(replay(&plan, &replay_options(outputs, Speed::Maximum), stop)?, report)
         }
+        Command::Enroll(arguments) => cofix_console::print(&enroll::enroll(&arguments)?),
         Command::Simulate(arguments) => {
             let session = simulate(&arguments, stop)?;
             cofix_console::print(&format!("Session: {}\n", session.display()))

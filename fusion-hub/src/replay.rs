@@ -18,7 +18,7 @@ use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
 use crate::group::{Course, Group, Parts};
-use crate::network::{Event, Network};
+use crate::network::{Event, Listening, Network};
 use crate::outputs::{OutputFiles, Outputs, Written};
 use crate::report::attention;
 use crate::report::scores::Scores;
@@ -159,7 +159,7 @@ pub fn replay(plan: &Plan, options: &ReplayOptions, stop: &Stop) -> anyhow::Resu
         tracing::info!("products: {product_skips}");
     }
     let names: Vec<String> = plan.phones.iter().map(|phone| phone.name.clone()).collect();
-    let (network, events) = Network::listen(&plan.group, &names, &[LOOPBACK.to_owned()])?;
+    let (network, events) = Network::listen(&plan.group, &names, &Listening::plain(&[LOOPBACK]))?;
     let connect = network.endpoints();
     if connect.is_empty() {
         bail!("Zenoh does not say which port it listens on");

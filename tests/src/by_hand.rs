@@ -35,7 +35,15 @@ pub fn publication(plan: &Plan, phone: usize, endpoints: &[String]) -> anyhow::R
         kept_messages: 100,
         ..AgentConfig::new(&plan.group, &plan.phones[phone].name, Source::Epochs(Arc::default()))
     };
-    let publication = Publication::declare(crate::connect(&agent)?, &agent)?;
+    publication_of(&agent)
+}
+
+/// The publication of an agent, once the hub listens.
+///
+/// # Errors
+/// As of [`publication`].
+pub fn publication_of(agent: &AgentConfig) -> anyhow::Result<Publication> {
+    let publication = Publication::declare(crate::connect(agent)?, agent)?;
     ensure!(publication.wait_for_listener(Duration::from_secs(10), &Stop::default())?, "nobody listens");
     Ok(publication)
 }

@@ -2,6 +2,7 @@
 //! them.
 
 pub mod by_hand;
+pub mod enrolled;
 #[path = "../../agent/tests/limits/mod.rs"]
 pub mod limits;
 pub mod slow_link;
@@ -16,13 +17,16 @@ use cofix_common::fusion::align::Aligner;
 use cofix_common::fusion::engine::Engine;
 use cofix_common::simulation::{PhoneOptions, Scenario};
 use cofix_hub::group::{Course, Group, Parts};
-use cofix_hub::network::Network;
+use cofix_hub::network::{Listening, Network};
 use cofix_hub::outputs::Outputs;
 use cofix_hub::replay::Plan;
 use cofix_hub::report::Report;
 use cofix_hub::report::scores::Scores;
 use limits::Running;
 use zenoh::qos::CongestionControl;
+
+/// An endpoint on loopback with a port that the system chooses.
+const LOOPBACK: &str = "tcp/127.0.0.1:0";
 
 /// A convoy of `phones` phones for `duration_s` seconds on an open road.
 ///
@@ -59,7 +63,7 @@ impl Hub {
     /// # Errors
     /// When it cannot listen.
     pub fn start(plan: &Plan, course: Course) -> anyhow::Result<Self> {
-        Self::start_at(plan, course, "tcp/127.0.0.1:0")
+        Self::start_at(plan, course, LOOPBACK)
     }
 
     /// Starts a hub that listens on `endpoint`.
@@ -67,8 +71,16 @@ impl Hub {
     /// # Errors
     /// When it cannot.
     pub fn start_at(plan: &Plan, course: Course, endpoint: &str) -> anyhow::Result<Self> {
+        Self::start_for(plan, course, &Listening::plain(&[endpoint]))
+    }
+
+    /// Starts a hub that listens as told.
+    ///
+    /// # Errors
+    /// When it cannot.
+    pub fn start_for(plan: &Plan, course: Course, listening: &Listening) -> anyhow::Result<Self> {
         let phones: Vec<String> = plan.phones.iter().map(|phone| phone.name.clone()).collect();
-        let (network, events) = Network::listen(&plan.group, &phones, &[endpoint.to_owned()])?;
+        let (network, events) = Network::listen(&plan.group, &phones, listening)?;
         let endpoints = network.endpoints();
         let truths = plan.phones.iter().map(|phone| (phone.name.clone(), phone.truth.clone())).collect();
         let scores = Scores::new(truths, plan.truth_quality.clone());

@@ -355,7 +355,7 @@ fn names_are_checked_before_files_are_read() {
 }
 
 #[test]
-fn the_end_waits_for_both_agents_of_one_name() {
+fn a_second_agent_of_one_name_is_refused_while_the_first_is_there() {
     let plan = small_plan(1, 20.0).unwrap();
     let hub = Hub::start(&plan, Course::Live { until_finished: true }).unwrap();
     let mut both = [0, 0].map(|phone| publication(&plan, phone, &hub.endpoints));
@@ -366,17 +366,23 @@ fn the_end_waits_for_both_agents_of_one_name() {
         for (sequence, message) in part.iter().enumerate() {
             publication.epoch(&EpochMessage { sequence: sequence as u64, ..message.clone() }).unwrap();
         }
-        let all = publication.wait_for_receipt(Duration::from_secs(10), &Stop::default());
-        assert_eq!(all, Some(part.len() as u64));
     }
-    for publication in both.iter().rev() {
+    let patience = Duration::from_secs(10);
+    let [first, second] = &both;
+    assert_eq!(first.wait_for_receipt(patience, &Stop::default()), Some(10));
+    assert_eq!(second.wait_for_receipt(Duration::from_secs(1), &Stop::default()), Some(0));
+    for publication in &both {
         assert!(!hub.is_over(), "one of them still runs");
         let epochs_published = publication.published();
         let skips = Skips::default();
         publication.status(PhoneStatus::Finished { epochs_published, skips, error: None }).unwrap();
+        // What was refused of the second is asked for once the first has ended.
+        assert_eq!(publication.wait_for_receipt(patience, &Stop::default()), Some(epochs_published));
     }
     let report = hub.join().unwrap();
-    assert_eq!(report.phones["SIM1"].skips.count(Reason::TwoAgentsOfOneName), 1);
+    let skips = &report.phones["SIM1"].skips;
+    assert_eq!(skips.count(Reason::TwoAgentsOfOneName), 1);
+    assert_eq!(skips.count(Reason::MessageOfSecondAgent), sent.len() as u64 - 10, "{skips}");
     assert_eq!(report.phones["SIM1"].epochs, sent.len() as u64);
     for publication in both {
         publication.close().unwrap();

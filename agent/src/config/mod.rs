@@ -16,6 +16,7 @@ use cofix_common::time::GpsTime;
 
 use crate::input::LiveSource;
 use crate::publication::UNANSWERED;
+use crate::publication::secured::Credentials;
 
 /// Longest wait for a hub on the network that takes no message in: Zenoh's default.
 const LONGEST_BLOCK: Duration = Duration::from_secs(5);
@@ -40,6 +41,8 @@ pub struct AgentConfig {
     pub approximate_position: Option<Ecef>,
     /// Zenoh endpoints of the hub (or a router), such as `tcp/127.0.0.1:7447`.
     pub connect: Vec<String>,
+    /// The phone's certificate; with it the endpoints are `tls/…`.
+    pub credentials: Option<Credentials>,
     /// How fast recorded epochs are published.
     pub speed: Speed,
     /// How GnssLogger text is read.
@@ -71,6 +74,7 @@ impl AgentConfig {
             corrections: Corrections::default(),
             approximate_position: None,
             connect: Vec::new(),
+            credentials: None,
             speed: Speed::Maximum,
             log: gnsslogger::Options::default(),
             pipeline: PipelineOptions::default(),

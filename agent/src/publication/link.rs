@@ -4,6 +4,9 @@ use std::time::{Duration, Instant};
 
 use zenoh::{Config, Session, Wait};
 
+use super::endpoint::{check, plain_or_secured};
+use super::limits::{AGENT_LIMITS, GUARDED_LIMITS, HUB_LIMITS};
+use super::secured::Guard;
 use crate::{AgentConfig, Stop};
 
 /// Duration of the first and of the longest attempt to connect; between attempts the request to stop is checked. On a link with a long delay
@@ -14,20 +17,32 @@ const SLICES: (Duration, Duration) = (Duration::from_secs(1), Duration::from_sec
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// Invalid endpoint.
-    #[error("endpoint '{endpoints}': {reason}; write for example tcp/127.0.0.1:7447")]
+    #[error("endpoint '{endpoints}': {reason}; write for example {example}")]
     Endpoint {
         /// The text.
         endpoints: String,
         /// What is wrong.
         reason: String,
+        /// One that is right.
+        example: &'static str,
+    },
+    /// A setting that Zenoh does not take.
+    #[error("Zenoh's setting {key}: {reason}")]
+    Setting {
+        /// Its key.
+        key: String,
+        /// What Zenoh says.
+        reason: String,
     },
     /// No hub answers.
-    #[error("no hub answers at {endpoints} within {waited_s:.0} s: is it running?")]
+    #[error("no hub answers at {endpoints} within {waited_s:.0} s: is it running{}?", about_certificates(*is_secured))]
     Unreachable {
         /// The endpoints.
         endpoints: String,
         /// The wait, s.
         waited_s: f64,
+        /// Whether both sides show certificates.
+        is_secured: bool,
     },
     /// The endpoint cannot be listened on.
     #[error("cannot listen on {endpoints}: {reason}")]
@@ -37,6 +52,14 @@ pub enum LinkError {
         /// What Zenoh says.
         reason: String,
     },
+}
+
+const fn about_certificates(is_secured: bool) -> &'static str {
+    if is_secured {
+        ", at an address that it was enrolled for, and are both certificates of one authority and valid still"
+    } else {
+        ""
+    }
 }
 
 /// Interval at which a lost connection is tried again, ms: a restarted hub should have its phones back before the group waits for them.
@@ -49,7 +72,7 @@ const SEND_BUFFER_BYTES: &str = "32768";
 /// # Errors
 /// When an endpoint is malformed or none answers in time.
 pub fn connect(agent: &AgentConfig, stop: &Stop) -> Result<Option<Session>, LinkError> {
-    check(&agent.connect, 1)?;
+    check(&agent.connect, plain_or_secured(agent.credentials.is_some()), 1)?;
     let start = Instant::now();
     let (mut longest, limit) = SLICES;
     loop {
@@ -65,7 +88,8 @@ pub fn connect(agent: &AgentConfig, stop: &Stop) -> Result<Option<Session>, Link
         }
         if start.elapsed() >= agent.patience {
             let waited_s = agent.patience.as_secs_f64();
-            return Err(LinkError::Unreachable { endpoints: agent.connect.join(", "), waited_s });
+            let (endpoints, is_secured) = (agent.connect.join(", "), agent.credentials.is_some());
+            return Err(LinkError::Unreachable { endpoints, waited_s, is_secured });
         }
         // An attempt may fail at once.
         if stop.sleep(slice.min(SLICES.0).saturating_sub(begun.elapsed())) {
@@ -83,37 +107,13 @@ fn client(agent: &AgentConfig, attempt: Duration) -> Result<Config, LinkError> {
         ("connect/timeout_ms", attempt_ms.as_str()),
         ("connect/retry", RETRY_MS),
         ("transport/link/tcp/so_sndbuf", SEND_BUFFER_BYTES),
+        ("transport/link/tls/so_sndbuf", SEND_BUFFER_BYTES),
         ("transport/link/tx/queue/congestion_control/block/wait_before_close", &longest_block_us),
     ] {
-        config = with(config, key, value, &agent.connect)?;
+        config = with(config, key, value)?;
     }
-    Ok(config)
-}
-
-/// Whether all endpoints are of the transport that is built in, with a host and a port from `first_port` on.
-fn check(endpoints: &[String], first_port: u16) -> Result<(), LinkError> {
-    for endpoint in endpoints {
-        if let Err(reason) = check_one(endpoint, first_port) {
-            return Err(LinkError::Endpoint { endpoints: endpoint.clone(), reason: reason.to_owned() });
-        }
-    }
-    Ok(())
-}
-
-fn check_one(endpoint: &str, first_port: u16) -> Result<(), &'static str> {
-    let address = endpoint
-        .strip_prefix("tcp/")
-        .ok_or("it does not begin with tcp/, the only transport that is built in")?;
-    // Zenoh's own options may follow.
-    let address = address.split(['?', '#']).next().unwrap_or_default();
-    let (host, port) = address.rsplit_once(':').ok_or("there is no port")?;
-    if host.is_empty() || (host.contains(':') && !(host.starts_with('[') && host.ends_with(']'))) {
-        return Err("there is no host before the port (IPv6 addresses are written in brackets)");
-    }
-    match port.parse::<u16>() {
-        Ok(port) if port >= first_port => Ok(()),
-        _ => Err("its port is not a number up to 65535"),
-    }
+    let config = with_all(config, AGENT_LIMITS)?;
+    agent.credentials.iter().try_fold(config, |config, own| with_all(config, &own.to_connect()))
 }
 
 /// Zenoh's message, without the places in its source.
@@ -143,13 +143,19 @@ fn system_cause(text: &str) -> String {
     cause.unwrap_or(text).trim().to_owned()
 }
 
-/// Opens a session that listens on `endpoints` and routes between the sessions that connect. Blocks.
+/// Opens a session that listens on `endpoints` and routes between the sessions that connect: in TLS for those that `guard` lets in, or plainly
+/// for everybody. Blocks.
 ///
 /// # Errors
-/// When an endpoint is malformed or taken.
-pub fn listen(endpoints: &[String]) -> Result<Session, LinkError> {
-    check(endpoints, 0)?;
-    let config = config("router", "listen/endpoints", endpoints)?;
+/// When an endpoint is malformed or taken, or Zenoh does not take the guard.
+pub fn listen(endpoints: &[String], guard: Option<&Guard>) -> Result<Session, LinkError> {
+    check(endpoints, plain_or_secured(guard.is_some()), 0)?;
+    let mut config = with_all(config("router", "listen/endpoints", endpoints)?, HUB_LIMITS)?;
+    if let Some(Guard { credentials, access_control }) = guard {
+        config = with_all(config, GUARDED_LIMITS)?;
+        config = with_all(config, &credentials.to_listen())?;
+        config = with(config, "access_control", &access_control.to_string())?;
+    }
     zenoh::open(config).wait().map_err(|error| LinkError::Listen {
         endpoints: endpoints.join(", "),
         reason: system_cause(&plain(&error)),
@@ -157,23 +163,21 @@ pub fn listen(endpoints: &[String]) -> Result<Session, LinkError> {
 }
 
 fn config(mode: &str, key: &str, endpoints: &[String]) -> Result<Config, LinkError> {
-    if endpoints.is_empty() {
-        return Err(LinkError::Endpoint {
-            endpoints: "(none)".to_owned(),
-            reason: "none is given".to_owned(),
-        });
-    }
     let json = serde_json::json!(endpoints).to_string();
-    let config = with(Config::default(), "mode", &format!("\"{mode}\""), endpoints)?;
-    let config = with(config, "scouting/multicast/enabled", "false", endpoints)?;
-    let config = with(config, "scouting/gossip/enabled", "false", endpoints)?;
-    with(config, key, &json, endpoints)
+    let config = with(Config::default(), "mode", &format!("\"{mode}\""))?;
+    let config = with(config, "scouting/multicast/enabled", "false")?;
+    let config = with(config, "scouting/gossip/enabled", "false")?;
+    with(config, key, &json)
 }
 
-fn with(mut config: Config, key: &str, json: &str, endpoints: &[String]) -> Result<Config, LinkError> {
+fn with_all<V: AsRef<str>>(config: Config, settings: &[(&str, V)]) -> Result<Config, LinkError> {
+    settings.iter().try_fold(config, |config, (key, json)| with(config, key, json.as_ref()))
+}
+
+fn with(mut config: Config, key: &str, json: &str) -> Result<Config, LinkError> {
     config
         .insert_json5(key, json)
-        .map_err(|error| LinkError::Endpoint { endpoints: endpoints.join(", "), reason: plain(&error) })?;
+        .map_err(|error| LinkError::Setting { key: key.to_owned(), reason: plain(&error) })?;
     Ok(config)
 }
 
@@ -196,34 +200,6 @@ mod tests {
         let text = "Can not create a new TCP listener bound to tcp/1.2.3.4:5: [1.2.3.4:5: Cannot assign requested address (os error 99)";
         assert_eq!(system_cause(text), "Cannot assign requested address (os error 99)");
         assert_eq!(system_cause("invalid port value"), "invalid port value");
-    }
-
-    #[test]
-    fn endpoints_that_are_none_are_refused_with_a_reason() {
-        for (endpoint, said) in [
-            ("", "does not begin with tcp/"),
-            ("nonsense", "does not begin with tcp/"),
-            ("127.0.0.1:7447", "does not begin with tcp/"),
-            ("tls/127.0.0.1:7447", "does not begin with tcp/"),
-            ("tcp/", "no port"),
-            ("tcp/127.0.0.1", "no port"),
-            ("tcp/:7447", "no host"),
-            ("tcp/::1:7447", "no host"),
-            ("tcp/host:x", "not a number"),
-            ("tcp/host:65536", "not a number"),
-            ("tcp/host:", "not a number"),
-        ] {
-            let error = check(&[endpoint.to_owned()], 0).unwrap_err().to_string();
-            assert!(error.starts_with(&format!("endpoint '{endpoint}': ")), "{error}");
-            assert!(
-                error.contains(said) && error.ends_with("write for example tcp/127.0.0.1:7447"),
-                "{error}"
-            );
-        }
-        for endpoint in ["tcp/127.0.0.1:0", "tcp/[::1]:7447", "tcp/hub.example:7447#iface=eth0"] {
-            check(&[endpoint.to_owned()], 0).unwrap();
-        }
-        assert!(check(&["tcp/127.0.0.1:0".to_owned()], 1).is_err(), "nothing answers on port 0");
     }
 
     #[test]

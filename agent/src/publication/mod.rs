@@ -5,10 +5,14 @@
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until the hub has all.
 
+pub mod endpoint;
 mod history;
+mod limits;
 pub mod link;
 pub(crate) mod pace;
+pub mod rate;
 mod receipt;
+pub mod secured;
 
 use std::cell::Cell;
 use std::time::{Duration, Instant};
@@ -30,6 +34,7 @@ use zenoh::{Session, Wait};
 use crate::{AgentConfig, Stop};
 
 use history::{Address, History};
+use rate::{AGENT_AT_ONCE, AGENT_PER_S, Allowance};
 use receipt::ReceiptWait;
 pub(crate) use receipt::UNANSWERED;
 
@@ -71,7 +76,7 @@ pub enum PublicationError {
     Receipt(WireError),
     /// No hub subscribes.
     #[error(
-        "connected, but no hub listens for group '{group}' within {waited_s:.0} s: does it run this group?"
+        "connected, but no hub listens for group '{group}' within {waited_s:.0} s: does it run this group, and is this phone enrolled there still, if phones are?"
     )]
     NoListener {
         /// The group.
@@ -99,6 +104,8 @@ pub struct Publication {
     alive: LivelinessToken,
     longest_stall: Duration,
     published: u64,
+    /// `None`: the hub is in this process and takes everything.
+    allowance: Option<Allowance>,
 }
 
 impl Publication {
@@ -127,6 +134,8 @@ impl Publication {
             alive,
             longest_stall: agent.longest_stall(),
             published: 0,
+            allowance: (!agent.hub_in_process)
+                .then(|| Allowance::new(AGENT_AT_ONCE, AGENT_PER_S, Instant::now())),
         })
     }
 
@@ -156,6 +165,9 @@ impl Publication {
         let bytes = ZBytes::from(encode(message)?);
         // Kept first: a hub may ask for it as soon as it has arrived.
         self.history.ring().keep_epoch(message.sequence, bytes.clone());
+        while self.allowance.as_mut().is_some_and(|allowance| !allowance.take(1.0, Instant::now())) {
+            std::thread::sleep(POLL);
+        }
         put(&self.epochs, bytes)?;
         self.published += 1;
         Ok(())

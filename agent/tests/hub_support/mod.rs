@@ -32,7 +32,7 @@ impl Hub {
 
     /// Answers questions for receipts with these bytes for the number of epochs received.
     pub fn listen_and_answer(answer: fn(u64) -> Vec<u8>) -> Self {
-        let session = link::listen(&["tcp/127.0.0.1:0".to_owned()]).unwrap();
+        let session = link::listen(&["tcp/127.0.0.1:0".to_owned()], None).unwrap();
         let (sender, epochs) = channel();
         let sender = Mutex::new(sender);
         let received = Arc::new(AtomicU64::new(0));

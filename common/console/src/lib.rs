@@ -96,13 +96,41 @@ pub fn write_log_through(write: WriteLog) {
 struct Log;
 
 impl Write for Log {
+    /// Takes an entry as a whole, as it comes.
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        WRITE.get().map_or_else(|| io::stderr().write(bytes), |write| write(bytes))
+        let entry = one_entry(bytes);
+        let mut rest = entry.as_bytes();
+        while !rest.is_empty() {
+            let written = WRITE.get().map_or_else(|| io::stderr().write(rest), |write| write(rest))?;
+            rest = rest.get(written.max(1)..).unwrap_or_default();
+        }
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
         io::stderr().flush()
     }
+}
+
+/// Most bytes of an entry of the log.
+const MAXIMUM_ENTRY_BYTES: usize = 4_096;
+
+/// An entry of the log as one line, whatever texts from elsewhere are in it. (Escape sequences in them are made visible before.)
+fn one_entry(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes);
+    let (body, end) = text.strip_suffix('\n').map_or((text.as_ref(), ""), |body| (body, "\n"));
+    let mut entry: String =
+        body.get(..body.floor_char_boundary(MAXIMUM_ENTRY_BYTES)).unwrap_or(body).to_owned();
+    if entry.len() < body.len() {
+        let cut = format!("… ({} bytes)", body.len());
+        entry.push_str(&cut);
+    }
+    for (breaking, visible) in
+        [('\n', "\\n"), ('\r', "\\r"), ('\u{2028}', "\\u{2028}"), ('\u{2029}', "\\u{2029}")]
+    {
+        entry = entry.replace(breaking, visible);
+    }
+    entry + end
 }
 
 /// Format with level and message only.
@@ -174,6 +202,14 @@ pub fn print(text: &str) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_entry_of_the_log_is_one_line_of_limited_length() {
+        assert_eq!(one_entry(b"hub: listens\n"), "hub: listens\n");
+        assert_eq!(one_entry(b"ok\n2026 INFO all is well\r\n"), "ok\\n2026 INFO all is well\\r\n");
+        let long = one_entry("ä".repeat(100_000).as_bytes());
+        assert!(long.len() < 4_200 && long.ends_with("ä… (200000 bytes)"), "{}", long.len());
+    }
 
     #[test]
     fn causes_are_said_once() {

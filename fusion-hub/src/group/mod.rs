@@ -17,6 +17,7 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
 use crate::journal::Journal;
+use crate::network::intake::words::tamed;
 use crate::network::intake::{Answer, Arrival, Intake, Notice};
 use crate::network::recovery::Recovery;
 use crate::network::{Event, HistoryQuestions, Receipts};
@@ -181,6 +182,7 @@ impl Group {
         wall_gps: GpsTime,
     ) -> anyhow::Result<()> {
         self.now = now;
+        self.intake.set_time(now);
         for event in events {
             self.handle(event)?;
         }
@@ -286,6 +288,11 @@ impl Group {
                 }
             }
             Event::Alive { phone, alive } => self.alive(&phone, alive),
+            Event::Shed { phone, count } => {
+                if self.intake.shed(&phone, count) {
+                    tracing::warn!("{}: sends more than a phone may; the rest is not let in", tamed(&phone));
+                }
+            }
             Event::AgentEnded { phone, outcome: Err(error) } => bail!("{phone}: {error}"),
             Event::AgentEnded { .. } => {}
         }
@@ -334,7 +341,7 @@ impl Group {
             Notice::Started { phone, summary, twice } => {
                 if twice {
                     tracing::warn!(
-                        "{}: two agents of that name are here; only one of them should",
+                        "{}: two agents of that name are here; the second is refused until the first is gone",
                         arrival.phone
                     );
                 }
@@ -356,6 +363,7 @@ impl Group {
 
     fn alive(&mut self, phone: &str, alive: bool) {
         let Some(index) = self.intake.index(phone) else {
+            let phone = tamed(phone);
             tracing::warn!("an agent for '{phone}' is here, but the session does not name that phone");
             return;
         };

@@ -82,6 +82,7 @@ enum Kind {
     History,
     Answered,
     Alive,
+    Shed,
     Foreign,
     Sender,
     Step,
@@ -90,12 +91,13 @@ enum Kind {
 }
 
 impl Kind {
-    const ALL: [Self; 10] = [
+    const ALL: [Self; 11] = [
         Self::Epoch,
         Self::Status,
         Self::History,
         Self::Answered,
         Self::Alive,
+        Self::Shed,
         Self::Foreign,
         Self::Sender,
         Self::Step,
@@ -110,6 +112,7 @@ impl Kind {
             Self::History => "cofix.history",
             Self::Answered => "cofix.answered",
             Self::Alive => "cofix.alive",
+            Self::Shed => "cofix.shed",
             Self::Foreign => "cofix.foreign",
             Self::Sender => "cofix.sender",
             Self::Step => "cofix.step",

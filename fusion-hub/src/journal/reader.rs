@@ -6,7 +6,7 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, anyhow, bail, ensure};
 use cofix_common::time::GpsTime;
 use cofix_common::wire::{MAXIMUM_MESSAGE_BYTES, WIRE_VERSION};
 use mcap::records::Record;
@@ -278,6 +278,10 @@ fn event(kind: Kind, phone: String, sender: Option<String>, bytes: Vec<u8>) -> a
         Kind::History => Event::History(Arrival { phone, sender, bytes }),
         Kind::Answered => Event::Answered { phone, sender: sender.context("an answer without a sender")? },
         Kind::Alive => Event::Alive { phone, alive: bytes == [1] },
+        Kind::Shed => {
+            let count = bytes.try_into().map(u64::from_le_bytes);
+            Event::Shed { phone, count: count.map_err(|_| anyhow!("a count that is no number"))? }
+        }
         _ => bail!("a record of kind '{}' where an event should be", kind.schema()),
     })
 }

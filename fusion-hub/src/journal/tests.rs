@@ -41,6 +41,7 @@ fn events() -> Vec<Event> {
         Event::Status(arrival("a", b"status")),
         Event::History(arrival("b", b"")),
         Event::Answered { phone: "a".to_owned(), sender: "x".to_owned() },
+        Event::Shed { phone: "a".to_owned(), count: 70_000 },
         Event::Alive { phone: "stranger".to_owned(), alive: false },
     ]
 }

@@ -108,6 +108,7 @@ impl Journal {
             Event::History(arrival) => self.arrival(Kind::History, arrival),
             Event::Answered { phone, sender } => self.of(Kind::Answered, phone, Some(sender), &[]),
             Event::Alive { phone, alive } => self.of(Kind::Alive, phone, None, &[u8::from(*alive)]),
+            Event::Shed { phone, count } => self.of(Kind::Shed, phone, None, &count.to_le_bytes()),
             Event::AgentEnded { .. } => Ok(()),
         }
     }

@@ -1,12 +1,18 @@
 //! The hub's side of Zenoh: subscriptions, receipts, fused states.
 
+mod access;
+mod entrance;
+mod gate;
 pub mod intake;
+mod listening;
 mod pace;
 mod questions;
 mod receipts;
 pub mod recovery;
 
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Instant;
 
 use cofix_agent::publication::link;
 use cofix_common::wire::{
@@ -16,11 +22,15 @@ use cofix_common::wire::{
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
 use zenoh::query::{Query, Queryable};
-use zenoh::sample::{Sample, SampleKind};
+use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 use crate::network::intake::Arrival;
 
+pub use access::access_control;
+use entrance::Entrance;
+use gate::Gate;
+pub use listening::{ListenArguments, Listening};
 use pace::PlaybackClock;
 pub use questions::HistoryQuestions;
 pub use receipts::Receipts;
@@ -52,6 +62,13 @@ pub enum Event {
         /// Whether it has appeared.
         alive: bool,
     },
+    /// Messages of a phone that were too many, and were not let in.
+    Shed {
+        /// The phone in the key.
+        phone: String,
+        /// How many.
+        count: u64,
+    },
     /// An agent of this process ended.
     AgentEnded {
         /// The phone.
@@ -66,7 +83,7 @@ pub struct Network {
     session: Session,
     group: String,
     receipts: Receipts,
-    sender: SyncSender<Event>,
+    entrance: Entrance,
     _epochs: Subscriber<()>,
     _status: Subscriber<()>,
     _alive: Subscriber<()>,
@@ -80,38 +97,49 @@ fn zenoh_error(error: zenoh::Error) -> anyhow::Error {
 }
 
 impl Network {
-    /// Listens on `endpoints` for the agents of a group, and tells agents of other phones than `phones` so. Blocks.
+    /// Listens for the agents of a group, and tells agents of other phones than `phones` so. Blocks.
     ///
     /// # Errors
-    /// When an endpoint is malformed or taken, or the group's name cannot be part of a key.
+    /// When an endpoint is malformed or taken, Zenoh does not take the guard, or the group's name cannot be part of a key.
     pub fn listen(
         group: &str,
         phones: &[String],
-        endpoints: &[String],
+        listening: &Listening,
     ) -> anyhow::Result<(Self, Receiver<Event>)> {
         let (sender, events) = sync_channel(WAITING_EVENTS);
         let receipts = Receipts::default();
-        let session = link::listen(endpoints)?;
-        let epochs = subscribe(&session, &all_epochs_key(group)?, sender.clone(), Event::Epoch)?;
-        let status = subscribe(&session, &all_status_key(group)?, sender.clone(), Event::Status)?;
-        let alive = watch(&session, &all_liveliness_key(group)?, sender.clone())?;
+        let session = link::listen(&listening.endpoints, listening.guard.as_ref())?;
+        let gate = listening.is_limited.then(|| Gate::new(phones, Instant::now()));
+        let entrance = Entrance { gate: gate.map(Arc::new), sender: sender.clone() };
+        let epochs = subscribe(&session, &all_epochs_key(group)?, entrance.clone(), Event::Epoch)?;
+        let status = subscribe(&session, &all_status_key(group)?, entrance.clone(), Event::Status)?;
+        let alive = watch(&session, &all_liveliness_key(group)?, entrance.clone())?;
         let (answers, phones) = (receipts.clone(), phones.to_vec());
+        let (receipt_entrance, pace_entrance) = (entrance.clone(), entrance.clone());
         let queryable = session
             .declare_queryable(all_receipts_key(group)?)
-            .callback(move |query| answer(&answers, &phones, &query))
+            .callback(move |query| {
+                if receipt_entrance.lets_in(&query) {
+                    answer(&answers, &phones, &query);
+                }
+            })
             .wait()
             .map_err(zenoh_error)?;
         let clock = PlaybackClock::default();
         let paces = session
             .declare_queryable(all_paces_key(group)?)
-            .callback(move |query| clock.answer(&query))
+            .callback(move |query| {
+                if pace_entrance.lets_in(&query) {
+                    clock.answer(&query);
+                }
+            })
             .wait()
             .map_err(zenoh_error)?;
         let network = Self {
             session,
             group: group.to_owned(),
             receipts,
-            sender,
+            entrance,
             _epochs: epochs,
             _status: status,
             _alive: alive,
@@ -128,7 +156,7 @@ impl Network {
 
     /// The sender for events from this process.
     pub fn sender(&self) -> SyncSender<Event> {
-        self.sender.clone()
+        self.entrance.sender.clone()
     }
 
     /// The receipts that agents ask for.
@@ -141,7 +169,7 @@ impl Network {
     /// # Errors
     /// When no thread can be started for them.
     pub fn history(&self) -> anyhow::Result<HistoryQuestions> {
-        HistoryQuestions::start(self.session.clone(), self.group.clone(), self.sender.clone())
+        HistoryQuestions::start(self.session.clone(), self.group.clone(), self.entrance.clone())
     }
 
     /// A publisher of fused states.
@@ -201,31 +229,17 @@ impl FusedPublisher {
 fn subscribe(
     session: &Session,
     key: &str,
-    sender: SyncSender<Event>,
+    entrance: Entrance,
     event: fn(Arrival) -> Event,
 ) -> anyhow::Result<Subscriber<()>> {
     session
         .declare_subscriber(key)
-        .callback(move |sample| {
-            if let Some(arrival) = arrival(&sample) {
-                // Fails only when the hub has ended.
-                let _ = sender.send(event(arrival));
-            }
-        })
+        .callback(move |sample| entrance.take(&sample, event))
         .wait()
         .map_err(zenoh_error)
 }
 
-fn arrival(sample: &Sample) -> Option<Arrival> {
-    if sample.kind() != SampleKind::Put {
-        return None;
-    }
-    let sender = sample.source_info().map(|info| info.source_id().zid().to_string());
-    let phone = phone_of_key(sample.key_expr().as_str())?.to_owned();
-    Some(Arrival { phone, sender, bytes: sample.payload().to_bytes().into_owned() })
-}
-
-fn watch(session: &Session, key: &str, sender: SyncSender<Event>) -> anyhow::Result<Subscriber<()>> {
+fn watch(session: &Session, key: &str, entrance: Entrance) -> anyhow::Result<Subscriber<()>> {
     session
         .liveliness()
         .declare_subscriber(key)
@@ -233,7 +247,7 @@ fn watch(session: &Session, key: &str, sender: SyncSender<Event>) -> anyhow::Res
         .callback(move |sample| {
             let alive = sample.kind() == SampleKind::Put;
             if let Some(phone) = phone_of_key(sample.key_expr().as_str()) {
-                let _ = sender.send(Event::Alive { phone: phone.to_owned(), alive });
+                entrance.presence(phone, alive);
             }
         })
         .wait()

@@ -7,7 +7,7 @@ use zenoh::qos::CongestionControl;
 use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 use zenoh::{Session, Wait};
 
-use super::{Event, arrival, zenoh_error};
+use super::{Entrance, Event, zenoh_error};
 use crate::network::recovery::{ANSWER, Question};
 
 /// Most questions that wait for the thread that asks.
@@ -23,11 +23,11 @@ pub struct HistoryQuestions {
 }
 
 impl HistoryQuestions {
-    pub(super) fn start(session: Session, group: String, sender: SyncSender<Event>) -> anyhow::Result<Self> {
+    pub(super) fn start(session: Session, group: String, entrance: Entrance) -> anyhow::Result<Self> {
         let (questions, waiting) = sync_channel::<(String, Question)>(WAITING_QUESTIONS);
         let ask_all = move || {
             for (phone, question) in waiting {
-                if let Err(error) = ask(&session, &group, &phone, &question, &sender) {
+                if let Err(error) = ask(&session, &group, &phone, &question, &entrance) {
                     tracing::warn!("{phone}: not asked for its history: {error}");
                 }
             }
@@ -59,21 +59,20 @@ fn ask(
     group: &str,
     phone: &str,
     question: &Question,
-    sender: &SyncSender<Event>,
+    entrance: &Entrance,
 ) -> anyhow::Result<()> {
     let (mut selector, mut end) = (history_key(group, phone)?, None);
     if let Some((run, from, to)) = &question.epochs {
         selector = format!("{selector}?run={run};from={from};to={to}");
         let answered = Event::Answered { phone: phone.to_owned(), sender: run.clone() };
-        end = Some(AtEnd { event: Some(answered), sender: sender.clone() });
+        end = Some(AtEnd { event: Some(answered), sender: entrance.sender.clone() });
     }
-    let sender = sender.clone();
+    let entrance = entrance.clone();
     let callback = move |reply: Reply| {
         // Zenoh drops this when the answer has ended.
         let _ = &end;
-        if let Some(arrival) = reply.result().ok().and_then(arrival) {
-            // Fails only when the hub has ended.
-            let _ = sender.send(Event::History(arrival));
+        if let Ok(sample) = reply.result() {
+            entrance.take(sample, Event::History);
         }
     };
     session

@@ -8,8 +8,8 @@ use zenoh::query::Query;
 
 use super::reply;
 
-/// Most runs with receipts; the oldest are forgotten.
-const MAXIMUM_RUNS: usize = 1_024;
+/// Most runs of a phone with receipts; the oldest are forgotten.
+const MAXIMUM_RUNS: usize = 64;
 
 /// How many epochs of each phone's run have arrived, shared with those who ask. Clones share it.
 #[derive(Clone, Debug, Default)]
@@ -39,9 +39,11 @@ impl Receipts {
             .any(|r| r.sender == sender && r.phone == phone && r.told.is_some_and(|told| told >= received))
     }
 
-    /// How many have arrived and how many are given up, for the agent of the run, which asks.
+    /// How many have arrived and how many are given up, for the agent of the run, which asks. A run of which nothing has arrived is not remembered: any may be asked for.
     fn tell(&self, phone: &str, sender: &str) -> Receipt {
-        self.with(phone, sender, |run| {
+        let mut runs = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = runs.iter_mut().find(|run| run.sender == sender && run.phone == phone);
+        known.map_or(Receipt::default(), |run| {
             run.told = Some(run.receipt.received);
             run.receipt
         })
@@ -55,8 +57,9 @@ impl Receipts {
         let (phone, sender) = (phone.to_owned(), sender.to_owned());
         let mut run = Run { phone, sender, receipt: Receipt::default(), told: None };
         let result = change(&mut run);
-        if runs.len() >= MAXIMUM_RUNS {
-            runs.pop_front();
+        let mut own = runs.iter().enumerate().filter(|(_, other)| other.phone == run.phone).map(|(at, _)| at);
+        if let (Some(oldest), true) = (own.next(), own.count() + 1 >= MAXIMUM_RUNS) {
+            runs.remove(oldest);
         }
         runs.push_back(run);
         result
@@ -86,6 +89,10 @@ mod tests {
         receipts.note("a", "x", receipt(5, 0));
         assert!(!receipts.was_told("a", "x", 5));
         assert_eq!([receipts.tell("a", "x"), receipts.tell("b", "x")], [receipt(5, 0), receipt(0, 0)]);
+        for run in 0..10_000 {
+            assert_eq!(receipts.tell("a", &run.to_string()), receipt(0, 0));
+        }
+        receipts.note("b", "x", receipt(1, 0));
         receipts.note("a", "x", receipt(6, 2));
         assert!(receipts.was_told("a", "x", 5) && !receipts.was_told("a", "x", 6));
         assert_eq!(receipts.tell("a", "x"), receipt(6, 2));
@@ -93,6 +100,7 @@ mod tests {
         for run in 0..10 * MAXIMUM_RUNS {
             receipts.note("a", &run.to_string(), receipt(1, 0));
         }
-        assert_eq!(receipts.shared.lock().unwrap().len(), MAXIMUM_RUNS);
+        assert_eq!(receipts.shared.lock().unwrap().len(), MAXIMUM_RUNS + 1);
+        assert_eq!(receipts.tell("b", "x"), receipt(1, 0), "a phone forgets its own alone");
     }
 }

@@ -3,16 +3,22 @@
 //! An agent's run is identified by its sender (the id of its Zenoh session). Its messages are numbered from 0, and its last status states how
 //! many there were: so the hub knows whether it has all, and which to ask the agent for. A message waits until those before it have arrived or
 //! are given up.
+//!
+//! One agent at a time speaks for a phone. A second one of that name is refused until the first has finished, is gone, or has said nothing for a while; the
+//! hub then asks it for what was refused.
 
 mod phone;
 mod run;
+pub(crate) mod words;
+
+use std::time::Duration;
 
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::wire::{EpochMessage, KeptMessage, MessageKind, Receipt, StatusMessage, WireError, decode};
 
 use phone::PhoneIntake;
 pub use run::Gap;
-use run::{Counted, Run};
+use run::{Counted, MAXIMUM_PARKED, Run};
 
 /// Bytes from the network, with their phone and sender.
 #[derive(Clone, Debug)]
@@ -39,6 +45,8 @@ pub struct Finished {
 /// Takes the arrivals of all phones.
 #[derive(Debug)]
 pub struct Intake {
+    /// Time of the current step, since the start.
+    now: Duration,
     names: Vec<String>,
     phones: Vec<PhoneIntake>,
     skips: Skips,
@@ -80,10 +88,26 @@ impl Intake {
     /// For phones of these names.
     pub fn new(names: &[String]) -> Self {
         Self {
+            now: Duration::ZERO,
             names: names.to_vec(),
             phones: names.iter().map(|_| PhoneIntake::default()).collect(),
             skips: Skips::default(),
         }
+    }
+
+    /// What arrives from now on arrives at this time, since the start.
+    pub fn set_time(&mut self, now: Duration) {
+        self.now = now;
+    }
+
+    /// Counts messages of a phone that were too many and were not let in. `true` for its first.
+    pub fn shed(&mut self, phone: &str, count: u64) -> bool {
+        let index = self.index(phone);
+        let known = index.and_then(|index| self.phones.get_mut(index)).map(|intake| &mut intake.skips);
+        let skips = known.unwrap_or(&mut self.skips);
+        let is_first = skips.count(Reason::MessageBeyondRate) == 0;
+        skips.add_many(Reason::MessageBeyondRate, count, || words::tamed(phone));
+        is_first
     }
 
     /// Index of a phone of the group.
@@ -108,7 +132,9 @@ impl Intake {
         let message = match decode::<StatusMessage>(&arrival.bytes) {
             Ok(message) if message.phone == arrival.phone => message,
             Ok(message) => {
-                intake.skips.add(Reason::StatusOfOtherPhone, || format!("it names '{}'", message.phone));
+                intake.skips.add(Reason::StatusOfOtherPhone, || {
+                    format!("it names '{}'", words::tamed(&message.phone))
+                });
                 return None;
             }
             Err(error) => {
@@ -116,7 +142,7 @@ impl Intake {
                 return None;
             }
         };
-        intake.status(phone, arrival, message.status)
+        intake.status(phone, arrival, words::tamed_status(message.status))
     }
 
     /// Takes a part of an agent's answer to a question about its history. `None`, counted, when it is none.
@@ -127,7 +153,7 @@ impl Intake {
                 intake.run(arrival).note_kept(kept.first, kept.next);
                 return Some(Answer::Kept(phone));
             }
-            Ok(kept) => format!("it names '{}'", kept.phone),
+            Ok(kept) => format!("it names '{}'", words::tamed(&kept.phone)),
             Err(WireError::WrongKind { found: MessageKind::Epoch, .. }) => {
                 return self.count_epoch(arrival, true).map(Answer::Epoch);
             }
@@ -142,6 +168,7 @@ impl Intake {
     }
 
     fn count_epoch(&mut self, arrival: &Arrival, from_history: bool) -> Option<usize> {
+        let now = self.now;
         let (phone, intake) = self.intake_of(arrival)?;
         let message = match decode::<EpochMessage>(&arrival.bytes) {
             Ok(message) => message,
@@ -151,7 +178,15 @@ impl Intake {
             }
         };
         let sequence = message.sequence;
-        match intake.run(arrival).count(sequence, from_history) {
+        if !intake.listens_to(arrival, now, from_history) {
+            intake.run(arrival).note_existence(sequence.saturating_add(1));
+            intake
+                .skips
+                .add(Reason::MessageOfSecondAgent, || format!("sequence {sequence} at {}", message.time_gps));
+            return None;
+        }
+        let has_room = intake.runs.values().map(Run::parked).sum::<usize>() < MAXIMUM_PARKED;
+        match intake.run(arrival).count(sequence, from_history, has_room) {
             Counted::New => {}
             Counted::Repeated { asked_for: false } => {
                 let time = message.time_gps;
@@ -168,10 +203,10 @@ impl Intake {
 
     /// What is missing of the phones' runs: phone, sender, gap. Nothing of agents that are gone, unless later epochs wait for it.
     pub fn gaps(&self) -> impl Iterator<Item = (usize, &str, Gap)> {
-        let runs =
-            self.phones.iter().enumerate().flat_map(|(phone, intake)| {
-                intake.runs.iter().map(move |(sender, run)| (phone, sender, run))
-            });
+        let runs = self.phones.iter().enumerate().flat_map(|(phone, intake)| {
+            let asked = intake.runs.iter().filter(|(sender, _)| !intake.is_second(sender, self.now));
+            asked.map(move |(sender, run)| (phone, sender, run))
+        });
         runs.filter_map(|(phone, sender, run)| Some((phone, sender.as_str(), run.gap()?, run.gone)))
             .filter(|(_, _, gap, gone)| gap.waited_on || !gone)
             .map(|(phone, sender, gap, _)| (phone, sender, gap))
@@ -266,7 +301,7 @@ impl Intake {
     fn intake_of(&mut self, arrival: &Arrival) -> Option<(usize, &mut PhoneIntake)> {
         let Some(phone) = self.index(&arrival.phone) else {
             self.skips.add(Reason::PhoneUnknown, || {
-                format!("'{}'; the session has {}", arrival.phone, self.names.join(", "))
+                format!("'{}'; the session has {}", words::tamed(&arrival.phone), self.names.join(", "))
             });
             return None;
         };

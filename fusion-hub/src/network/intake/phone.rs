@@ -1,6 +1,7 @@
 //! One phone's runs.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
 
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::wire::{EpochMessage, PhoneStatus};
@@ -15,12 +16,23 @@ const MAXIMUM_LOST: u64 = 1_000_000;
 /// The sender of samples without a sender.
 const ANONYMOUS: &str = "anonymous";
 
+/// How long an agent that says nothing keeps another one of its name out. Longer than a connection that is lost without a word stays open (10 s), and less than what agents keep.
+const HOLD: Duration = Duration::from_secs(15);
+
+/// The agent that speaks for a phone.
+#[derive(Debug)]
+struct Speaker {
+    sender: String,
+    heard: Duration,
+}
+
 /// One phone's runs.
 #[derive(Debug, Default)]
 pub(super) struct PhoneIntake {
     pub(super) runs: BTreeMap<String, Run>,
     /// The sender of the last status.
     current: Option<String>,
+    speaker: Option<Speaker>,
     runs_seen: u64,
     pub(super) epochs_expected: Option<u64>,
     /// Messages whose turn it is.
@@ -43,6 +55,25 @@ impl PhoneIntake {
         let run = self.runs.entry(sender.to_owned()).or_insert_with(new);
         run.gone = false;
         run
+    }
+
+    /// Whether an epoch counts, of the agent that speaks for the phone; one that comes while nobody else does speaks from now on. Answers to questions decide
+    /// nothing.
+    pub(super) fn listens_to(&mut self, arrival: &Arrival, now: Duration, from_history: bool) -> bool {
+        let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
+        let is_heard = !self.is_second(sender, now);
+        if is_heard && !from_history {
+            self.speaker = Some(Speaker { sender: sender.to_owned(), heard: now });
+        }
+        is_heard
+    }
+
+    /// Whether another agent speaks for the phone.
+    pub(super) fn is_second(&self, sender: &str, now: Duration) -> bool {
+        self.speaker.as_ref().is_some_and(|speaker| {
+            let is_there = self.runs.get(&speaker.sender).is_some_and(Run::is_living);
+            speaker.sender != sender && is_there && now.saturating_sub(speaker.heard) < HOLD
+        })
     }
 
     /// Forgets the oldest run, if possible neither a living run nor the current run.

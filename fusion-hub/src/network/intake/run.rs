@@ -6,7 +6,7 @@ use cofix_common::wire::EpochMessage;
 
 use super::Finished;
 
-/// Most messages of a run that wait for their turn. Further ones are dropped: the agent keeps them.
+/// Most messages of a phone that wait for their turn, whatever senders they name. Further ones are dropped: the agent keeps them.
 pub(super) const MAXIMUM_PARKED: usize = 1_024;
 
 /// The outcome of counting a message.
@@ -95,8 +95,13 @@ impl Run {
         self.note_existence(next);
     }
 
-    /// Whether a message of this number is new.
-    pub(super) fn count(&mut self, sequence: u64, from_history: bool) -> Counted {
+    /// How many of its messages wait for their turn.
+    pub(super) fn parked(&self) -> usize {
+        self.parked.len()
+    }
+
+    /// Whether a message of this number is new. One whose turn it is not yet needs room to wait.
+    pub(super) fn count(&mut self, sequence: u64, from_history: bool, has_room: bool) -> Counted {
         let asked_for = from_history || sequence < self.fetched_to;
         if from_history {
             self.fetched_to = self.fetched_to.max(sequence.saturating_add(1));
@@ -105,7 +110,7 @@ impl Run {
             return Counted::Repeated { asked_for };
         }
         self.note_existence(sequence.saturating_add(1));
-        if sequence != self.next && !self.anonymous && self.parked.len() >= MAXIMUM_PARKED {
+        if sequence != self.next && !self.anonymous && !has_room {
             return Counted::TooEarly;
         }
         self.received += 1;

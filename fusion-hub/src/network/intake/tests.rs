@@ -168,6 +168,41 @@ fn two_agents_of_one_name_are_noticed_and_both_waited_for() {
     assert!(matches!(notice, Some(Notice::Started { twice: false, .. })), "a restart is no twin");
 }
 
+#[test]
+fn a_second_agent_is_refused_until_the_first_is_silent_or_has_ended() {
+    let mut intake = intake();
+    let put = |intake: &mut Intake, sender: &str, sequence: u64| {
+        intake.epoch(&from(sender, "a", encode(&epoch("a", sequence)).unwrap())).is_some()
+    };
+    let at = Duration::from_secs;
+    intake.status(&from("x", "a", started("a")));
+    assert!(put(&mut intake, "x", 0));
+    intake.status(&from("y", "a", started("a")));
+    assert!(!put(&mut intake, "y", 0) && put(&mut intake, "x", 1));
+    intake.set_time(at(14));
+    assert!(!put(&mut intake, "y", 1), "the first may be on a bad link");
+    assert_eq!(intake.gaps().count(), 0, "nothing is asked of the second");
+    intake.set_time(at(15));
+    assert!(put(&mut intake, "y", 2), "the first is silent");
+    assert_eq!(
+        intake.gaps().map(|(_, sender, gap)| (sender, gap.from, gap.to)).collect::<Vec<_>>(),
+        [("y", 0, 2)]
+    );
+    assert!(!put(&mut intake, "x", 2), "now it is the second");
+    intake.status(&from("y", "a", finished("a", 3)));
+    assert!(put(&mut intake, "x", 3));
+    assert_eq!(intake.phone_skips(0).unwrap().count(Reason::MessageOfSecondAgent), 3);
+}
+
+#[test]
+fn messages_that_were_not_let_in_are_counted_for_their_phone() {
+    let mut intake = intake();
+    assert!(intake.shed("a", 70_000) && !intake.shed("a", 5) && intake.shed("no\nbody", 3));
+    assert_eq!(intake.phone_skips(0).unwrap().count(Reason::MessageBeyondRate), 70_005);
+    let strangers = intake.skips().get(Reason::MessageBeyondRate).unwrap();
+    assert_eq!((strangers.count, strangers.first.as_str()), (3, "no\\nbody"));
+}
+
 fn send(intake: &mut Intake, sequence: u64) {
     intake.epoch(&from("x", "a", encode(&epoch("a", sequence)).unwrap()));
 }
@@ -267,7 +302,7 @@ fn the_end_hands_out_what_waits() {
 #[test]
 fn no_more_than_so_many_messages_wait() {
     let mut intake = intake();
-    let most = run::MAXIMUM_PARKED as u64;
+    let most = MAXIMUM_PARKED as u64;
     for sequence in 1..=most + 10 {
         send(&mut intake, sequence);
     }
@@ -276,6 +311,19 @@ fn no_more_than_so_many_messages_wait() {
     assert_eq!(ready(&mut intake).len() as u64, most + 1);
     assert_eq!(gap(&intake), Some((most + 1, most + 11, false)), "the agent has them");
     assert!(intake.phone_skips(0).unwrap().is_empty());
+}
+
+#[test]
+fn many_senders_of_one_phone_share_the_room_to_wait() {
+    let mut intake = intake();
+    let senders: Vec<String> = (0..60).map(|sender| format!("s{sender}")).collect();
+    for sender in &senders {
+        for sequence in 1..=100 {
+            intake.epoch(&from(sender, "a", encode(&epoch("a", sequence)).unwrap()));
+        }
+    }
+    let waiting: u64 = senders.iter().map(|sender| intake.receipt(0, sender).received).sum();
+    assert_eq!(waiting, MAXIMUM_PARKED as u64);
 }
 
 #[test]

@@ -68,12 +68,18 @@ const SHARES: [Share; 5] = [
     },
 ];
 
-const ANY: [Any; 20] = [
+const ANY: [Any; 21] = [
+    Any {
+        reason: Reason::MessageBeyondRate,
+        severity: Severity::Worse,
+        kind: "messages-refused",
+        advice: "The phone's agent, or whoever speaks for it, sends more than any phone measures: look at that agent",
+    },
     Any {
         reason: Reason::TwoAgentsOfOneName,
         severity: Severity::Wrong,
         kind: "two-agents",
-        advice: "Two phones under one name are mixed: give each its own, and end the agent that is too much",
+        advice: "Two agents go by one name, and the second was refused while the first was there: give each its own, or end the one that is too much",
     },
     Any {
         reason: Reason::JointFilterRestarted,
