@@ -141,8 +141,8 @@ pub(crate) struct Publish {
     #[arg(long, required_unless_present = "join")]
     phone: Option<String>,
     /// Recorded file (RINEX, Compact RINEX, GnssLogger text, RTCM 3, challenge table; .gz and .Z too), or a live source: '-' for
-    /// standard input, tcp://HOST:PORT for a server that sends bytes, ntrip://USER:PASSWORD@HOST:PORT/MOUNT for a stream of a caster
-    /// (ntrips:// with TLS)
+    /// standard input, tcp://HOST:PORT for a server that sends bytes, tcp-listen://ADDRESS:PORT or udp-listen://ADDRESS:PORT for an app that
+    /// sends to this computer, ntrip://USER:PASSWORD@HOST:PORT/MOUNT for a stream of a caster (ntrips:// with TLS)
     #[arg(long, value_name = "SOURCE", required_unless_present = "follow")]
     pub(crate) observations: Option<String>,
     /// File that is being written, read as it grows

@@ -32,6 +32,8 @@ pub struct LiveOptions {
     pub until_finished: bool,
     /// Longest wait of the group for a phone, in place of the session's.
     pub latency: Option<Duration>,
+    /// Whether fused states are published as JSON too.
+    pub json: bool,
     /// The journal, if one is written.
     pub journal: Option<JournalOptions>,
 }
@@ -73,7 +75,7 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     group.go_on(network.history()?);
     let outputs = group.report().1;
     // A listener that does not keep up must not hold up the hub.
-    outputs.publish(network.fused_publisher(CongestionControl::Drop));
+    outputs.publish(network.fused_publisher(CongestionControl::Drop).with_json(options.json));
     outputs.show_status(Moment { now: Duration::ZERO, wall_gps: clock::now() });
     let worked = group.work(&events, stop);
     if worked.is_ok() {

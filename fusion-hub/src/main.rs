@@ -52,6 +52,9 @@ enum Command {
         /// End when the agents of all phones have finished, instead of on Ctrl-C
         #[arg(long)]
         until_finished: bool,
+        /// Publish the fused states as JSON too, on cofix/GROUP/fused/PHONE/json
+        #[arg(long)]
+        json: bool,
         /// Longest wait for a phone: an epoch of the others waits so long after its arrival, then they go on without that phone
         /// [default: maximum_wait_s in the session's table alignment, 5]
         #[arg(long, value_name = "SECONDS", value_parser = latency)]
@@ -139,6 +142,7 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             data,
             listen,
             until_finished,
+            json,
             latency,
             journal,
             no_journal,
@@ -153,7 +157,7 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             let beside = || outputs.recording.as_ref().map(|recording| recording.with_extension("mcap"));
             let journal = journal.or_else(beside).filter(|_| !no_journal);
             let journal = journal.map(|path| JournalOptions { path, session_path: file, data });
-            let options = LiveOptions { listening, files: outputs, until_finished, latency, journal };
+            let options = LiveOptions { listening, files: outputs, until_finished, latency, json, journal };
             conclude(live::run(&session, &options, stop)?, report)
         }
         Command::Replay { session, journal: Some(journal), data, outputs, .. } => {

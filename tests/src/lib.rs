@@ -95,7 +95,11 @@ impl Hub {
             engine: Engine::new(&phones, plan.constraints.clone(), plan.settings.options()?.1),
             receipts: network.receipts(),
             history: network.history()?,
-            outputs: Outputs::new(&phones, network.fused_publisher(CongestionControl::Block), scores),
+            outputs: Outputs::new(
+                &phones,
+                network.fused_publisher(CongestionControl::Block).with_json(true),
+                scores,
+            ),
             phones,
         })
         .with_grace(Duration::from_secs(4));

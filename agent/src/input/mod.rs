@@ -1,10 +1,11 @@
-//! Sources of bytes: a recorded file, a growing file, standard input, a TCP server, an NTRIP caster.
+//! Sources of bytes: a recorded file, a growing file, standard input, a TCP server, an NTRIP caster, a port that an app sends to.
 //!
 //! Every input checks for a request to stop at least every [`LOOK`], and sleeps in between.
 
 mod connection;
 mod file;
 mod follow;
+mod listen;
 pub mod ntrip;
 mod pipe;
 mod tcp;
@@ -15,11 +16,14 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
+use cofix_common::skips::Skips;
+
 use crate::Stop;
 
 pub use connection::{Backoff, Connected, Dial, DialError};
 pub use file::Recorded;
 pub use follow::Followed;
+pub use listen::{IDLE, Port, TcpListening, Transport, UdpListening};
 pub use pipe::Piped;
 pub use tls::{Trust, TrustError};
 
@@ -55,6 +59,17 @@ pub trait Bytes {
     fn failure_reason(&self) -> Option<&str> {
         None
     }
+
+    /// Takes note that what came is of no format that is read, and why. Returns whether the source goes on with another sender.
+    fn rejected(&mut self, reason: &str) -> bool {
+        let _ = reason;
+        false
+    }
+
+    /// What the source itself left out, and why.
+    fn skips(&self) -> Option<&Skips> {
+        None
+    }
 }
 
 /// A live source by name.
@@ -71,6 +86,8 @@ pub enum LiveSource {
         /// How its connection is tried again.
         backoff: Backoff,
     },
+    /// `tcp-listen://ADDRESS:PORT`, `udp-listen://ADDRESS:PORT`: a port of this computer that an app sends to.
+    Listen(Port),
     /// `ntrip://USER:PASSWORD@HOST:PORT/MOUNT`: a stream of an NTRIP caster; `ntrips://…` within TLS.
     Ntrip {
         /// Caster, account and mount point.
@@ -85,8 +102,8 @@ pub enum LiveSource {
 pub enum AddressError {
     /// Neither `-` nor a TCP server.
     #[error(
-        "'{text}' is not a source: write tcp://HOST:PORT, for example tcp://192.168.1.20:5000, or \
-         ntrip://USER:PASSWORD@HOST:PORT/MOUNT (ntrips:// with TLS)"
+        "'{text}' is not a source: write tcp://HOST:PORT, for example tcp://192.168.1.20:5000, tcp-listen://ADDRESS:PORT or \
+         udp-listen://ADDRESS:PORT with an IP address of this computer, or ntrip://USER:PASSWORD@HOST:PORT/MOUNT (ntrips:// with TLS)"
     )]
     Unknown {
         /// The text, without a password.
@@ -100,13 +117,16 @@ pub enum AddressError {
 impl FromStr for LiveSource {
     type Err = AddressError;
 
-    /// Reads `-`, `tcp://HOST:PORT`, `ntrip://USER:PASSWORD@HOST:PORT/MOUNT` or `ntrips://…`.
+    /// Reads `-`, `tcp://HOST:PORT`, `tcp-listen://ADDRESS:PORT`, `udp-listen://ADDRESS:PORT`, `ntrip://USER:PASSWORD@HOST:PORT/MOUNT` or `ntrips://…`.
     fn from_str(text: &str) -> Result<Self, AddressError> {
         if text == "-" {
             return Ok(Self::Standard);
         }
         if text.starts_with("ntrip") {
             return Ok(Self::Ntrip { mount: text.parse()?, backoff: Backoff::default() });
+        }
+        if let Some(port) = Port::parse(text) {
+            return Ok(Self::Listen(port));
         }
         let address = text.strip_prefix("tcp://").unwrap_or_default();
         let port = address.rsplit_once(':').filter(|(host, _)| !host.is_empty());
@@ -123,6 +143,7 @@ impl fmt::Display for LiveSource {
             Self::Follow(path) => write!(f, "{}, as it grows", path.display()),
             Self::Standard => f.write_str("standard input"),
             Self::Tcp { address, .. } => write!(f, "tcp://{address}"),
+            Self::Listen(port) => port.fmt(f),
             Self::Ntrip { mount, .. } => mount.fmt(f),
         }
     }
@@ -131,7 +152,8 @@ impl fmt::Display for LiveSource {
 impl LiveSource {
     /// Whether a text names a live source, well-formed or not, and not a file.
     pub fn is_named_by(text: &str) -> bool {
-        text == "-" || ["tcp://", "ntrip://", "ntrips://"].iter().any(|scheme| text.starts_with(scheme))
+        let mut schemes = ["tcp://", "ntrip://", "ntrips://"].into_iter().chain(Port::SCHEMES);
+        text == "-" || schemes.any(|scheme| text.starts_with(scheme))
     }
 
     /// Whether its connection is in TLS.
@@ -168,6 +190,7 @@ impl LiveSource {
             Self::Follow(path) => Box::new(Followed::open(path)?),
             Self::Standard => Box::new(Piped::start(std::io::stdin())?),
             Self::Tcp { address, backoff } => Box::new(Connected::new(address, *backoff)),
+            Self::Listen(port) => port.open()?,
             Self::Ntrip { mount, backoff } => {
                 let client = ntrip::Client::new(mount.clone(), rover.clone());
                 Box::new(Connected::by(Box::new(client), *backoff))
@@ -187,9 +210,16 @@ mod tests {
             let source: LiveSource = format!("tcp://{address}").parse().unwrap();
             assert_eq!(source.to_string(), format!("tcp://{address}"));
         }
-        for text in
-            ["", "tcp://", "tcp://host", "tcp://:5000", "tcp://host:0", "tcp://host:65536", "udp://h:1"]
-        {
+        for text in [
+            "",
+            "tcp://",
+            "tcp://host",
+            "tcp://:5000",
+            "tcp://host:0",
+            "tcp://host:65536",
+            "udp://h:1",
+            "tcp-listen://h:1",
+        ] {
             let error = text.parse::<LiveSource>().unwrap_err().to_string();
             assert!(error.contains("tcp://HOST:PORT"), "{error}");
         }

@@ -1,6 +1,6 @@
 //! Records of any source and format, in order of time.
 
-use cofix_common::formats::decode::{Decoder, Record};
+use cofix_common::formats::decode::{Decoder, Record, WrongStream};
 use cofix_common::formats::format::Format;
 use cofix_common::formats::gnsslogger;
 use cofix_common::formats::rtcm::StreamDates;
@@ -20,7 +20,7 @@ pub enum RecordsError {
     Read(#[from] std::io::Error),
     /// It is of no format that is read.
     #[error(transparent)]
-    Wrong(#[from] cofix_common::formats::decode::WrongStream),
+    Wrong(#[from] WrongStream),
 }
 
 /// The records of a source.
@@ -96,14 +96,17 @@ impl Records {
 
     fn advance(&mut self, stop: &Stop) -> Result<(), RecordsError> {
         if std::mem::take(&mut self.is_restarted) {
-            self.skips.merge(self.decoder.skips());
-            self.decoder = self.decoder.renewed(self.last.unwrap_or(self.near));
+            self.renew();
         }
         match self.bytes.next(&mut self.buffer, stop)? {
-            Portion::Bytes => self.decoder.feed(&self.buffer)?,
+            Portion::Bytes => {
+                let fed = self.decoder.feed(&self.buffer);
+                self.excuse(fed)?;
+            }
             Portion::Broken => {
                 self.count_break();
-                self.decoder.interrupt()?;
+                let interrupted = self.decoder.interrupt();
+                self.excuse(interrupted)?;
             }
             Portion::Restarted => {
                 self.count_break();
@@ -117,6 +120,23 @@ impl Records {
                 self.skips.add(Reason::SourceEndedEarly, || reason);
                 self.end(stop)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Begins with another stream.
+    fn renew(&mut self) {
+        self.skips.merge(self.decoder.skips());
+        self.decoder = self.decoder.renewed(self.last.unwrap_or(self.near));
+    }
+
+    /// A stream of no format that is read is an error, unless its source goes on with another sender.
+    fn excuse(&mut self, taken: Result<(), WrongStream>) -> Result<(), RecordsError> {
+        if let Err(wrong) = taken {
+            if !self.bytes.rejected(&wrong.reason) {
+                return Err(wrong.into());
+            }
+            self.renew();
         }
         Ok(())
     }
@@ -180,6 +200,9 @@ impl Records {
     pub fn skips(&self) -> Skips {
         let mut all = self.decoder.skips().clone();
         all.merge(&self.skips);
+        if let Some(skips) = self.bytes.skips() {
+            all.merge(skips);
+        }
         all
     }
 }

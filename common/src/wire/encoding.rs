@@ -38,7 +38,7 @@ pub enum MessageKind {
 }
 
 impl MessageKind {
-    const ALL: [Self; 7] =
+    pub(super) const ALL: [Self; 7] =
         [Self::Epoch, Self::Fused, Self::Status, Self::Kept, Self::Receipt, Self::Pace, Self::Integrity];
 
     fn from_byte(byte: u8) -> Option<Self> {

@@ -9,6 +9,7 @@
 //! | `cofix/<group>/phone/<phone>/history` | query to an agent: the [`KeptMessage`](super::KeptMessage), its status messages and, with `?run=<Zenoh id of the agent>;from=<n>;to=<m>`, the epochs of sequence numbers n to m − 1 that it keeps |
 //! | `cofix/<group>/phone/<phone>/pace` | query to the hub of an agent that plays a recording at the speed of time or a multiple of it, with `?first=<its first epoch, ns of GPS time>;speed=<multiple>`: the [`PaceMessage`](super::PaceMessage) for that epoch, so that all agents of a group play the same time |
 //! | `cofix/<group>/fused/<phone>` | [`FusedMessage`](super::FusedMessage)s of the hub |
+//! | `cofix/<group>/fused/<phone>/json` | the same states as JSON, of a hub that was told to |
 //! | `cofix/<group>/integrity` | [`IntegrityMessage`](super::IntegrityMessage)s of the hub |
 
 /// Maximum length of the name of a group or phone, bytes.
@@ -141,6 +142,14 @@ pub fn fused_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
     Ok(format!("cofix/{group}/fused/{phone}"))
 }
 
+/// Key expression of a phone's fused states as JSON: `cofix/<group>/fused/<phone>/json`.
+///
+/// # Errors
+/// If a name cannot be a chunk of a key.
+pub fn fused_json_key(group: &str, phone: &str) -> Result<String, KeyNameError> {
+    fused_key(group, phone).map(|key| key + "/json")
+}
+
 /// Key expression of the epochs of all phones of a group.
 ///
 /// # Errors
@@ -198,6 +207,7 @@ mod tests {
         assert_eq!(status_key("g", "p").unwrap(), "cofix/g/phone/p/status");
         assert_eq!(liveliness_key("g", "p").unwrap(), "cofix/g/phone/p/alive");
         assert_eq!(fused_key("g", "p").unwrap(), "cofix/g/fused/p");
+        assert_eq!(fused_json_key("g", "p").unwrap(), "cofix/g/fused/p/json");
         assert_eq!(receipt_key("g", "p").unwrap(), "cofix/g/phone/p/receipt");
         assert_eq!(history_key("g", "p").unwrap(), "cofix/g/phone/p/history");
         assert_eq!(pace_key("g", "p").unwrap(), "cofix/g/phone/p/pace");

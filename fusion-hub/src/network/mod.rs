@@ -17,8 +17,9 @@ use std::time::Instant;
 use cofix_agent::publication::link;
 use cofix_common::wire::{
     FusedMessage, IntegrityMessage, WireMessage, all_epochs_key, all_liveliness_key, all_paces_key,
-    all_receipts_key, all_status_key, encode, fused_key, integrity_key, phone_of_key,
+    all_receipts_key, all_status_key, encode, fused_json_key, fused_key, integrity_key, phone_of_key,
 };
+use zenoh::bytes::Encoding;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
 use zenoh::query::{Query, Queryable};
@@ -174,7 +175,12 @@ impl Network {
 
     /// A publisher of fused states.
     pub fn fused_publisher(&self, congestion_control: CongestionControl) -> FusedPublisher {
-        FusedPublisher { session: Some(self.session.clone()), group: self.group.clone(), congestion_control }
+        FusedPublisher {
+            session: Some(self.session.clone()),
+            group: self.group.clone(),
+            congestion_control,
+            has_json: false,
+        }
     }
 
     /// Closes the session.
@@ -192,12 +198,38 @@ pub struct FusedPublisher {
     session: Option<Session>,
     group: String,
     congestion_control: CongestionControl,
+    /// Whether the states are published as JSON too.
+    has_json: bool,
 }
 
 impl FusedPublisher {
     /// A publisher without a session, which publishes nothing.
     pub fn nowhere() -> Self {
-        Self { session: None, group: "nowhere".to_owned(), congestion_control: CongestionControl::Drop }
+        Self {
+            session: None,
+            group: "nowhere".to_owned(),
+            congestion_control: CongestionControl::Drop,
+            has_json: false,
+        }
+    }
+
+    /// The same publisher, which publishes the states as JSON too or does not.
+    #[must_use]
+    pub fn with_json(self, has_json: bool) -> Self {
+        Self { has_json, ..self }
+    }
+
+    /// Whether the states are published as JSON too.
+    pub const fn has_json(&self) -> bool {
+        self.has_json
+    }
+
+    /// Publishes a phone's fused state as JSON.
+    ///
+    /// # Errors
+    /// When Zenoh refuses.
+    pub fn publish_json(&self, phone: &str, text: String) -> anyhow::Result<()> {
+        self.put_bytes(&fused_json_key(&self.group, phone)?, text.into_bytes(), Encoding::APPLICATION_JSON)
     }
 
     /// Publishes a fused state.
@@ -217,9 +249,14 @@ impl FusedPublisher {
     }
 
     fn put<M: WireMessage>(&self, key: &str, message: &M) -> anyhow::Result<()> {
+        self.put_bytes(key, encode(message)?, Encoding::ZENOH_BYTES)
+    }
+
+    fn put_bytes(&self, key: &str, bytes: Vec<u8>, encoding: Encoding) -> anyhow::Result<()> {
         let Some(session) = &self.session else { return Ok(()) };
         session
-            .put(key, encode(message)?)
+            .put(key, bytes)
+            .encoding(encoding)
             .congestion_control(self.congestion_control)
             .wait()
             .map_err(zenoh_error)

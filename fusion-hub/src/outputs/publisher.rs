@@ -6,6 +6,7 @@ use cofix_common::fusion::peers::IntegrityEvent;
 use cofix_common::wire::{FusedMessage, IntegrityMessage};
 
 use super::sink::{Fused, Sink, Written};
+use super::states;
 use crate::network::FusedPublisher;
 use crate::report::EventReport;
 
@@ -14,6 +15,13 @@ impl Sink for FusedPublisher {
         let messages =
             fused.phones.iter().enumerate().filter_map(|(index, name)| message(fused.epoch, index, name));
         messages.into_iter().try_for_each(|message| self.publish(&message))?;
+        if self.has_json() {
+            for (name, phone) in fused.phones.iter().zip(&fused.epoch.phones) {
+                if let Some(text) = states::json(fused.epoch.time_gps, name, phone)? {
+                    self.publish_json(name, text)?;
+                }
+            }
+        }
         fused.epoch.events.iter().try_for_each(|event| self.tell(&told(event, fused)))
     }
 

@@ -53,12 +53,12 @@ pub(super) fn open(opening: &Opening<'_>) -> anyhow::Result<Box<dyn Sink>> {
 impl Sink for StateFile {
     fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
         let time_gps = fused.epoch.time_gps;
-        let lines = fused.phones.iter().zip(&fused.epoch.phones);
-        let lines =
-            lines.filter_map(|(name, phone)| Some(line(time_gps, name, phone, phone.state.as_ref()?)));
-        lines
-            .into_iter()
-            .try_for_each(|line| write(&mut self.0, &line))
+        let mut phones = fused.phones.iter().zip(&fused.epoch.phones);
+        phones
+            .try_for_each(|(name, phone)| match json(time_gps, name, phone)? {
+                Some(text) => writeln!(self.0, "{text}"),
+                None => Ok(()),
+            })
             .with_context(|| format!("{}: cannot write the states", self.0.path().display()))
     }
 
@@ -69,10 +69,10 @@ impl Sink for StateFile {
     }
 }
 
-fn write(file: &mut OutputFile, line: &Line<'_>) -> io::Result<()> {
-    let mut text = serde_json::to_string(line)?;
-    text.push('\n');
-    file.write_all(text.as_bytes())
+/// A phone's line without its end; `None` for a phone without a state.
+pub(super) fn json(time_gps: GpsTime, name: &str, phone: &FusedPhone) -> io::Result<Option<String>> {
+    let line = phone.state.as_ref().map(|state| line(time_gps, name, phone, state));
+    Ok(line.map(|line| serde_json::to_string(&line)).transpose()?)
 }
 
 fn line<'a>(time_gps: GpsTime, name: &'a str, phone: &FusedPhone, state: &PhoneState) -> Line<'a> {

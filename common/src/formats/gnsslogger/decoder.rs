@@ -7,10 +7,11 @@ use super::device::Device;
 use super::epochs::Epochs;
 use super::fields::Fields;
 use super::fix::{self, Fix};
+use super::logcat::Logged;
 use super::nav::NavLines;
 use super::options::Options;
 use super::raw;
-use super::recognition::Recognition;
+use super::recognition::{Recognition, is_own_line};
 use super::stated;
 use super::status::{self, Reports, SignalStatus};
 use super::table::Columns;
@@ -151,6 +152,11 @@ impl GnssLoggerDecoder {
         if line.is_empty() {
             return;
         }
+        let line = match Logged::of(line) {
+            Some(logged) if is_own_line(logged.message) => logged.message,
+            Some(logged) => return self.other_of_system_log(logged, line),
+            None => line,
+        };
         if let Some(comment) = line.strip_prefix(b"#") {
             return self.comment(comment.trim_ascii());
         }
@@ -169,6 +175,18 @@ impl GnssLoggerDecoder {
                 self.skips.add(Reason::LineOfUnknownKind, || format!("line {number}: '{}'", shorten(line)));
             }
         }
+    }
+
+    /// A line of the system log that is none of a log of measurements.
+    fn other_of_system_log(&mut self, logged: Logged<'_>, line: &[u8]) {
+        let number = self.line_number;
+        self.state.line(logged.is_of_gpstest(), number, line);
+        let reason = if logged.is_without_clock() {
+            Reason::SystemLogMeasurementWithoutClock
+        } else {
+            Reason::SystemLogLine
+        };
+        self.skips.add(reason, || format!("line {number}: '{}'", shorten(line)));
     }
 
     /// A comment may be the header of a kind of lines.

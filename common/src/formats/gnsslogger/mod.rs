@@ -2,7 +2,7 @@
 //!
 //! Lines are comma-separated and begin with their kind: `Raw` (one signal of one epoch), `Fix` (the phone's own position),
 //! `Nav` (a piece of a navigation message), `Status` (reception and use of one signal), and sensor lines, which are not
-//! used. Columns are found by the names in header lines like `# Raw,…`.
+//! used. Columns are found by the names in header lines like `# Raw,…`. A line may stand in Android's system log (`adb logcat`).
 //!
 //! Pseudoranges are c·(t_rx − t_tx) with t_rx by the phone's clock fields, in whole nanoseconds. Masks
 //! ([`Masks`]) and all other reasons that cost a measurement are counted by name.
@@ -15,6 +15,7 @@ mod device;
 mod epochs;
 mod fields;
 mod fix;
+mod logcat;
 mod measure;
 mod names;
 mod nav;

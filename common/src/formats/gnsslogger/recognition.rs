@@ -1,13 +1,20 @@
 //! Recognition of GnssLogger logs.
 
+use super::logcat::Logged;
 use crate::formats::decode::WrongStream;
 use crate::formats::text::shorten;
 
 /// Kinds of lines that no other format has.
 const KINDS: [&[u8]; 4] = [b"Raw,", b"Fix,", b"Nav,", b"Status,"];
 
-/// Whether a line is one of a log: of measurements, or of the names of their columns.
+/// Whether a line is one of a log, which may be Android's system log.
 pub(crate) fn is_log_line(line: &[u8]) -> bool {
+    Logged::of(line)
+        .map_or_else(|| is_own_line(line), |logged| logged.is_of_gpstest() || is_own_line(logged.message))
+}
+
+/// Whether a line is the app's own: of measurements, or of the names of their columns.
+pub(super) fn is_own_line(line: &[u8]) -> bool {
     let comment = line.strip_prefix(b"#").map(<[u8]>::trim_ascii_start);
     let kind = comment.unwrap_or(line);
     KINDS.iter().any(|name| kind.starts_with(name))
