@@ -12,7 +12,7 @@ use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
 use crate::group::{Course, Group, Parts};
-use crate::journal::{Header, Journal, JournalReader, Origin, remove};
+use crate::journal::{Header, Journal, JournalReader, Origin, in_use, remove};
 use crate::network::{FusedPublisher, HistoryQuestions, Network, Receipts};
 use crate::outputs::{OutputFiles, Outputs, keep_partial};
 use crate::replay::{Outcome, outcome};
@@ -45,6 +45,8 @@ pub struct JournalOptions {
     pub session_path: PathBuf,
     /// Folder to which its paths are relative, if not its own.
     pub data: Option<PathBuf>,
+    /// Size of the data after which a new segment is begun, bytes.
+    pub segment_bytes: u64,
 }
 
 /// Runs a hub until `stop` is requested or, with `until_finished`, all agents have finished. Blocks.
@@ -154,6 +156,9 @@ fn unfinished(
     }
     // What is no journal is never replaced.
     let mut reader = JournalReader::open(path)?;
+    if in_use(path) {
+        bail!("{}: another hub writes this journal now; name another one", path.display());
+    }
     if options.files.overwrite {
         remove(path).with_context(|| format!("{}: cannot be replaced", path.display()))?;
         return Ok(None);
@@ -192,14 +197,14 @@ fn journal(
     latency: Duration,
     segments: u32,
 ) -> anyhow::Result<Journal> {
-    let JournalOptions { path, session_path, data } = options.clone();
+    let JournalOptions { path, session_path, data, segment_bytes } = options.clone();
     let header =
         Header { group: session.group.clone(), phones: session.phone_names(), latency, session_path, data };
     if segments > 0 {
-        return Journal::go_on(&path, header, segments, clock::now());
+        return Ok(Journal::go_on(&path, header, segments, clock::now())?.with_segments_of(segment_bytes));
     }
     let text = read(&header.session_path)?;
-    Journal::create(&path, header, &text, clock::now())
+    Ok(Journal::create(&path, header, &text, clock::now())?.with_segments_of(segment_bytes))
 }
 
 fn read(path: &Path) -> anyhow::Result<String> {

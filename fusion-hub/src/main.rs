@@ -4,7 +4,7 @@ mod arguments;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use anyhow::Context;
 use clap::{Parser, Subcommand, ValueEnum};
@@ -13,7 +13,7 @@ use cofix_agent::stop::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
 use cofix_common::settings::Preset;
 use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
-use cofix_hub::journal::{JournalReader, Origin};
+use cofix_hub::journal::{JournalReader, Origin, of_group};
 use cofix_hub::live::{self, JournalOptions, LiveOptions};
 use cofix_hub::outputs::OutputFiles;
 use cofix_hub::replay::{Plan, ReplayOptions, replay};
@@ -55,12 +55,16 @@ enum Command {
         /// [default: maximum_wait_s in the session's table alignment, 5]
         #[arg(long, value_name = "SECONDS", value_parser = latency)]
         latency: Option<f64>,
-        /// Journal of everything that comes (.mcap), with which a hub that was killed goes on [default: beside the recording]
+        /// Journal of everything that comes (.mcap), with which a hub that was killed goes on [default: beside the recording; without
+        /// one, GROUP-DATE-TIME.mcap in the working directory]
         #[arg(long, value_name = "FILE")]
         journal: Option<PathBuf>,
         /// Write no journal
         #[arg(long, conflicts_with = "journal")]
         no_journal: bool,
+        /// Size after which the journal goes on in another file, MB before compression
+        #[arg(long, value_name = "MB", default_value_t = 256, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+        journal_size: u64,
         #[command(flatten)]
         outputs: OutputFiles,
     },
@@ -137,6 +141,7 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             latency,
             journal,
             no_journal,
+            journal_size,
             outputs,
         } => {
             let session = Session::read(&file, data.as_deref())?;
@@ -145,8 +150,11 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             let report = ReportPlan::new(&outputs, &named, read, folder(&file, data.as_deref()))?;
             let latency = latency.map(Duration::from_secs_f64);
             let beside = || outputs.recording.as_ref().map(|recording| recording.with_extension("mcap"));
-            let journal = journal.or_else(beside).filter(|_| !no_journal);
-            let journal = journal.map(|path| JournalOptions { path, session_path: file, data });
+            let usual = || of_group(Path::new("."), &session.group, outputs.overwrite, SystemTime::now());
+            let journal = (!no_journal).then(|| journal.or_else(beside).unwrap_or_else(usual));
+            let segment_bytes = journal_size * 1_000_000;
+            let journal =
+                journal.map(|path| JournalOptions { path, session_path: file, data, segment_bytes });
             let options = LiveOptions { listen, files: outputs, until_finished, latency, journal };
             conclude(live::run(&session, &options, stop)?, report)
         }

@@ -88,6 +88,43 @@ fn read(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap()
 }
 
+/// Journals in a folder, in order of their names.
+fn journals(folder: &Path) -> Vec<String> {
+    let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let journals = paths.filter(|path| path.extension().is_some_and(|extension| extension == "mcap"));
+    let mut journals: Vec<String> =
+        journals.map(|path| path.file_name().unwrap().to_string_lossy().into_owned()).collect();
+    journals.sort_unstable();
+    journals
+}
+
+/// How many fused positions a file has.
+fn fixes(path: &Path) -> usize {
+    let bytes = std::fs::read(path).unwrap();
+    let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+    let is_fix = |message: &mcap::Message<'_>| {
+        message.channel.schema.as_ref().is_some_and(|schema| schema.name == "foxglove.LocationFix")
+    };
+    messages.filter(is_fix).count()
+}
+
+#[test]
+fn a_hub_that_nobody_told_where_to_write_has_a_journal_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = plan();
+    write_session(folder.path(), &plan);
+    run(folder.path(), &plan, 1, &["--report", "live.json"]);
+    let names = journals(folder.path());
+    let [second, first] = names.as_slice() else { panic!("{names:?}") };
+    let stem = first.strip_suffix(".mcap").unwrap();
+    assert!(stem.starts_with(&format!("{}-20", plan.group)), "{names:?}");
+    assert_eq!(*second, format!("{stem}.2.mcap"));
+    let mut command = Checked::cargo_bin("cofix-hub").unwrap();
+    let arguments = ["replay", "--journal", first, "--report", "again.json"];
+    command.current_dir(folder.path()).args(arguments).assert().success();
+    assert_eq!(read(folder.path(), "again.json"), read(folder.path(), "live.json"));
+}
+
 #[test]
 fn a_journal_is_done_again_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
@@ -95,6 +132,8 @@ fn a_journal_is_done_again_bit_for_bit() {
     write_session(folder.path(), &plan);
     let outputs = ["--recording", "live.rrd", "--report", "live.json", "--positions", "live.csv"];
     run(folder.path(), &plan, 0, &outputs);
+    let rows = read(folder.path(), "live.csv").lines().count() - 1;
+    assert_eq!(fixes(&folder.path().join("live.mcap")), rows);
     let again = |arguments: &[&str]| {
         let mut command = Checked::cargo_bin("cofix-hub").unwrap();
         let outputs = ["--report", "again.json", "--positions", "again.csv", "--overwrite"];
@@ -124,6 +163,7 @@ fn hubs_that_are_killed_go_on_from_their_journal() {
     let plan = plan();
     write_session(folder.path(), &plan);
     run(folder.path(), &plan, 0, &["--no-journal", "--positions", "undisturbed.csv"]);
+    assert_eq!(journals(folder.path()), Vec::<String>::new());
     run(folder.path(), &plan, 3, &["--recording", "live.rrd", "--positions", "killed.csv"]);
     assert_eq!(read(folder.path(), "killed.csv"), read(folder.path(), "undisturbed.csv"));
     let mut files: Vec<String> = std::fs::read_dir(folder.path())

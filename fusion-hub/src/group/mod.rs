@@ -151,7 +151,9 @@ impl Group {
         }
         let last: Vec<Event> = events.try_iter().take(LAST_EVENTS).collect();
         self.note_end(&last);
-        self.end(last)
+        let ended = self.end(last);
+        self.close_journal();
+        ended
     }
 
     /// Handles the last events, and ends.
@@ -383,7 +385,9 @@ impl Group {
 
     fn fuse_ready(&mut self) {
         while let Some(bucket) = self.parts.aligner.pop_ready() {
-            self.parts.outputs.push(&self.parts.engine.step(bucket));
+            let fused = self.parts.engine.step(bucket);
+            self.parts.outputs.push(&fused);
+            self.note_fused(&fused);
         }
     }
 

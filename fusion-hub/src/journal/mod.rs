@@ -4,7 +4,7 @@
 //! # Files
 //!
 //! Segments in the container format MCAP (<https://mcap.dev>): chunks with a CRC, compressed, written out at least every second. The first has
-//! the journal's name, `drive.mcap`; a new one, `drive.2.mcap` and so on, is begun after 256 MB, and by every hub that goes on. A segment of a
+//! the journal's name, `drive.mcap`; a new one, `drive.2.mcap` and so on, is begun after 256 MB (an option), and by every hub that goes on. A segment of a
 //! hub that was killed ends without an end mark, perhaps within a chunk; that chunk is left out and told.
 //!
 //! # Records
@@ -19,9 +19,15 @@
 //! | `cofix.step` | `cofix/<group>/step` | the hub's steady clock, ns (u64), and GPS time by its computer's clock, ns (i64), little endian: everything before is used now |
 //! | `cofix.resumed` | `cofix/<group>/step` | nothing: another hub goes on from here |
 //! | `cofix.ended` | `cofix/<group>/step` | nothing: everything before is used, and the session ends |
+//! | `foxglove.LocationFix` | `cofix/<group>/fused/<phone>` | a fused position with its covariance, for maps; nothing else reads it |
+//!
+//! Fused positions are written after the step that gave them, and a hub that goes on does not write those again that come of doing the journal
+//! again. So no position stands twice; those of the last second before a kill may be missing.
 //!
 //! The metadata record `cofix` of each segment has group, phones, latency, wire version and program; the session file is attached to the first.
 
+mod fix;
+mod place;
 mod reader;
 mod writer;
 
@@ -33,6 +39,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::network::Event;
 
+pub use fix::{CovarianceType, LocationFix};
+pub use place::{in_use, of_group};
 pub use reader::{JournalReader, Origin};
 pub use writer::Journal;
 

@@ -7,19 +7,22 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::time::GpsTime;
-use cofix_common::wire::{WIRE_VERSION, epoch_key, history_key, liveliness_key, status_key};
+use cofix_common::wire::{WIRE_VERSION, epoch_key, fused_key, history_key, liveliness_key, status_key};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions, Writer};
+use prost::Message as _;
 
+use super::fix::{self, LocationFix};
 use super::{Foreign, Header, Kind, NAME, SESSION, segment};
 use crate::network::Event;
 use crate::network::intake::Arrival;
 
 /// Longest time that a record waits to be written.
 const FLUSH: Duration = Duration::from_secs(1);
-/// Size of the data after which a new segment is begun, bytes.
-const SEGMENT_BYTES: u64 = 256_000_000;
+/// Size of the data after which a new segment is begun unless told otherwise, bytes.
+pub const SEGMENT_BYTES: u64 = 256_000_000;
 
 /// A journal in progress.
 pub struct Journal {
@@ -41,6 +44,8 @@ struct Segment {
     writer: Writer<BufWriter<File>>,
     /// Channels by kind and phone.
     channels: BTreeMap<(Kind, usize), u16>,
+    /// Channels of fused positions by phone.
+    fixes: BTreeMap<usize, u16>,
     bytes: u64,
 }
 
@@ -91,9 +96,8 @@ impl Journal {
         })
     }
 
-    /// With another size of segments than 256 MB.
-    #[cfg(test)]
-    pub(super) fn with_segments_of(self, limit_bytes: u64) -> Self {
+    /// With another size of segments than [`SEGMENT_BYTES`].
+    pub fn with_segments_of(self, limit_bytes: u64) -> Self {
         Self { limit_bytes, ..self }
     }
 
@@ -130,12 +134,36 @@ impl Journal {
         Ok(())
     }
 
-    /// Writes that the session has ended, and finishes the file.
+    /// Writes the fused positions of an epoch.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn fused(&mut self, epoch: &FusedEpoch) -> anyhow::Result<()> {
+        let (log_time, publish_time) = (stamp(self.wall_gps), stamp(epoch.time_gps));
+        for (phone, fused) in epoch.phones.iter().enumerate() {
+            let (Some(state), Some(name)) = (&fused.state, self.header.phones.get(phone)) else { continue };
+            let data = LocationFix::of(epoch.time_gps, name, state).encode_to_vec();
+            let group = &self.header.group;
+            let written = self.segment.fix(group, (phone, name), (log_time, publish_time), &data);
+            written.with_context(|| self.context())?;
+        }
+        Ok(())
+    }
+
+    /// Writes that the session has ended. Only fused positions may follow.
     ///
     /// # Errors
     /// When it cannot be written.
     pub fn end(&mut self) -> anyhow::Result<()> {
         self.put(Kind::Ended, OF_NO_PHONE, 0, &[])?;
+        self.flush()
+    }
+
+    /// Finishes the file.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(mut self) -> anyhow::Result<()> {
         self.checked(Segment::finish)
     }
 
@@ -211,6 +239,8 @@ impl Segment {
     fn create(path: &Path, header: &Header) -> anyhow::Result<Self> {
         let context = || format!("{}: cannot begin the journal", path.display());
         let file = OpenOptions::new().write(true).create_new(true).open(path).with_context(context)?;
+        // Only tells another hub that this one writes. Where there are no locks, nothing is told.
+        let _ = file.try_lock();
         let options =
             WriteOptions::new().profile(NAME).library(concat!("cofix-hub ", env!("CARGO_PKG_VERSION")));
         let mut writer = options.create(BufWriter::new(file)).with_context(context)?;
@@ -222,7 +252,7 @@ impl Segment {
         ];
         let metadata = metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         writer.write_metadata(&Metadata { name: NAME.to_owned(), metadata }).with_context(context)?;
-        Ok(Self { writer, channels: BTreeMap::new(), bytes: 0 })
+        Ok(Self { writer, channels: BTreeMap::new(), fixes: BTreeMap::new(), bytes: 0 })
     }
 
     fn put(
@@ -234,6 +264,28 @@ impl Segment {
     ) -> anyhow::Result<()> {
         let channel_id = self.channel(header, kind, phone)?;
         let message = MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
+        self.writer.write_to_known_channel(&message, data)?;
+        self.bytes += data.len() as u64;
+        Ok(())
+    }
+
+    fn fix(
+        &mut self,
+        group: &str,
+        (phone, name): (usize, &str),
+        (log_time, publish_time): (u64, u64),
+        data: &[u8],
+    ) -> anyhow::Result<()> {
+        let channel_id = if let Some(channel) = self.fixes.get(&phone) {
+            *channel
+        } else {
+            let schema =
+                self.writer.add_schema(fix::SCHEMA, fix::ENCODING, &fix::descriptors().encode_to_vec())?;
+            let topic = fused_key(group, name)?;
+            let channel = self.writer.add_channel(schema, &topic, fix::ENCODING, &BTreeMap::new())?;
+            *self.fixes.entry(phone).or_insert(channel)
+        };
+        let message = MessageHeader { channel_id, sequence: 0, log_time, publish_time };
         self.writer.write_to_known_channel(&message, data)?;
         self.bytes += data.len() as u64;
         Ok(())
