@@ -3,6 +3,7 @@
 mod journalled;
 mod losses;
 mod missing;
+mod screened;
 mod steady;
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -141,6 +142,7 @@ impl Group {
                 Err(RecvTimeoutError::Disconnected) => break,
             };
             let batch: Vec<Event> = first.into_iter().chain(events.try_iter().take(BATCH)).collect();
+            let batch = self.screen(batch);
             let (now, wall_gps) = (clock.tick(), clock::now());
             self.note_step(&batch, now, wall_gps);
             let unused = std::mem::take(&mut self.unused);
@@ -149,7 +151,7 @@ impl Group {
         if stop.is_requested() && self.parts.course == Course::Replay {
             bail!("stopped before the end of the session");
         }
-        let last: Vec<Event> = events.try_iter().take(LAST_EVENTS).collect();
+        let last = self.screen(events.try_iter().take(LAST_EVENTS).collect());
         self.note_end(&last);
         let ended = self.end(last);
         self.close_journal();
@@ -167,6 +169,7 @@ impl Group {
             self.align(phone);
             self.parts.aligner.finish(phone);
         }
+        self.score_late();
         self.fuse_ready();
         Ok(())
     }
@@ -234,7 +237,8 @@ impl Group {
         let mut skips = self.intake.skips().clone();
         skips.merge(self.parts.engine.skips());
         let phones = self.parts.outputs.tally.phones(|phone| self.phone_skips(phone));
-        let report = Report { group: self.parts.name.clone(), phones, skips, ..self.parts.outputs.report() };
+        let (group, lost) = (self.parts.name.clone(), self.lost());
+        let report = Report { group, lost, phones, skips, ..self.parts.outputs.report() };
         (report, &mut self.parts.outputs)
     }
 
@@ -288,6 +292,7 @@ impl Group {
                 }
             }
             Event::Alive { phone, alive } => self.alive(&phone, alive),
+            Event::Refused { phone, skips } => self.intake.refuse(phone.as_deref(), &skips),
             Event::AgentEnded { phone, outcome: Err(error) } => bail!("{phone}: {error}"),
             Event::AgentEnded { .. } => {}
         }
@@ -323,6 +328,14 @@ impl Group {
         while let Some(message) = self.intake.next_ready(phone) {
             self.parts.aligner.push(phone, message, self.now);
         }
+        self.score_late();
+    }
+
+    /// Epochs that came after their time was fused: what their agents made of them counts all the same.
+    fn score_late(&mut self) {
+        for (phone, message) in self.parts.aligner.take_late() {
+            self.parts.outputs.late(phone, &message);
+        }
     }
 
     fn status(&mut self, arrival: &Arrival) {
@@ -357,10 +370,7 @@ impl Group {
     }
 
     fn alive(&mut self, phone: &str, alive: bool) {
-        let Some(index) = self.intake.index(phone) else {
-            tracing::warn!("an agent for '{phone}' is here, but the session does not name that phone");
-            return;
-        };
+        let Some(index) = self.intake.index(phone) else { return };
         self.note_alive(phone, alive);
         tracing::info!("{phone}: agent {}", if alive { "is here" } else { "is gone" });
         if alive {

@@ -14,7 +14,7 @@
 //! | `cofix.epoch`, `cofix.status`, `cofix.history` | key of the message | the message as it came; the sequence number is that of its sender |
 //! | `cofix.answered` | key of the question | nothing; the sequence number is that of the run's sender |
 //! | `cofix.alive` | key of the token | 1: an agent is there; 0: it is gone |
-//! | `cofix.foreign` | `cofix/<group>/foreign` | what is of no phone of the group: postcard of kind, phone, sender, bytes |
+//! | `cofix.refused` | `cofix/<group>/refused` | what was refused, not as it came but as counts by reason, with the first instance of each: postcard of phone (none: of no phone of the group) and counts |
 //! | `cofix.sender` | `cofix/<group>/sender` | the id of a sender; its number is the record's sequence number, from 1 (0: no sender) |
 //! | `cofix.step` | `cofix/<group>/step` | the hub's steady clock, ns (u64), and GPS time by its computer's clock, ns (i64), little endian: everything before is used now |
 //! | `cofix.resumed` | `cofix/<group>/step` | nothing: another hub goes on from here |
@@ -90,7 +90,7 @@ enum Kind {
     History,
     Answered,
     Alive,
-    Foreign,
+    Refused,
     Sender,
     Step,
     Resumed,
@@ -104,7 +104,7 @@ impl Kind {
         Self::History,
         Self::Answered,
         Self::Alive,
-        Self::Foreign,
+        Self::Refused,
         Self::Sender,
         Self::Step,
         Self::Resumed,
@@ -118,7 +118,7 @@ impl Kind {
             Self::History => "cofix.history",
             Self::Answered => "cofix.answered",
             Self::Alive => "cofix.alive",
-            Self::Foreign => "cofix.foreign",
+            Self::Refused => "cofix.refused",
             Self::Sender => "cofix.sender",
             Self::Step => "cofix.step",
             Self::Resumed => "cofix.resumed",
@@ -129,15 +129,6 @@ impl Kind {
     fn of_schema(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.schema() == name)
     }
-}
-
-/// An event of a phone outside the group.
-#[derive(Debug, Serialize, Deserialize)]
-struct Foreign {
-    kind: Kind,
-    phone: String,
-    sender: Option<String>,
-    bytes: Vec<u8>,
 }
 
 /// The file of a segment: `drive.mcap`, `drive.2.mcap`, …

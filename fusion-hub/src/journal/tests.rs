@@ -2,6 +2,7 @@ use std::io::{Seek, SeekFrom, Write};
 
 use cofix_common::filter::PhoneState;
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::wire::encode;
 use nalgebra::{SMatrix, SVector};
 use prost::Message as _;
@@ -29,7 +30,13 @@ fn epoch(phone: &str, sender: Option<&str>, sequence: u64) -> Event {
     Event::Epoch(Arrival { phone: phone.to_owned(), sender: sender.map(str::to_owned), bytes })
 }
 
-/// Events of all kinds, also of a phone outside the group and without a sender.
+fn refused(phone: Option<&str>, reason: Reason) -> Event {
+    let mut skips = Skips::default();
+    skips.add(reason, || "the first".to_owned());
+    Event::Refused { phone: phone.map(str::to_owned), skips }
+}
+
+/// Events of all kinds, also of no phone of the group and without a sender.
 fn events() -> Vec<Event> {
     let arrival = |phone: &str, bytes: &[u8]| Arrival {
         phone: phone.to_owned(),
@@ -41,11 +48,11 @@ fn events() -> Vec<Event> {
         epoch("a", Some("x"), 0),
         epoch("b", Some("y"), 0),
         epoch("a", None, 1),
-        epoch("stranger", Some("z"), 2),
+        refused(Some("b"), Reason::MessageUnreadable),
+        refused(None, Reason::PhoneUnknown),
         Event::Status(arrival("a", b"status")),
         Event::History(arrival("b", b"")),
         Event::Answered { phone: "a".to_owned(), sender: "x".to_owned() },
-        Event::Alive { phone: "stranger".to_owned(), alive: false },
     ]
 }
 

@@ -15,7 +15,7 @@ use mcap::{Attachment, WriteOptions, Writer};
 use prost::Message as _;
 
 use super::fix::{self, LocationFix};
-use super::{Foreign, Header, Kind, NAME, SESSION, segment};
+use super::{Header, Kind, NAME, SESSION, segment};
 use crate::network::Event;
 use crate::network::intake::Arrival;
 
@@ -112,6 +112,9 @@ impl Journal {
             Event::History(arrival) => self.arrival(Kind::History, arrival),
             Event::Answered { phone, sender } => self.of(Kind::Answered, phone, Some(sender), &[]),
             Event::Alive { phone, alive } => self.of(Kind::Alive, phone, None, &[u8::from(*alive)]),
+            Event::Refused { phone, skips } => {
+                self.put(Kind::Refused, OF_NO_PHONE, 0, &postcard::to_stdvec(&(phone, skips))?)
+            }
             Event::AgentEnded { .. } => Ok(()),
         }
     }
@@ -178,9 +181,8 @@ impl Journal {
 
     fn of(&mut self, kind: Kind, phone: &str, sender: Option<&str>, data: &[u8]) -> anyhow::Result<()> {
         let Some(index) = self.header.phones.iter().position(|name| name == phone) else {
-            let (phone, sender) = (phone.to_owned(), sender.map(str::to_owned));
-            let foreign = Foreign { kind, phone, sender, bytes: data.to_vec() };
-            return self.put(Kind::Foreign, OF_NO_PHONE, 0, &postcard::to_stdvec(&foreign)?);
+            // The group has refused it, and that is written.
+            return Ok(());
         };
         let number = sender.map_or(Ok(0), |sender| self.sender(sender))?;
         self.put(kind, index, number, data)
@@ -301,7 +303,7 @@ impl Segment {
             (Kind::Status, Some(phone)) => status_key(group, phone)?,
             (Kind::History | Kind::Answered, Some(phone)) => history_key(group, phone)?,
             (Kind::Alive, Some(phone)) => liveliness_key(group, phone)?,
-            (Kind::Foreign, _) => format!("cofix/{group}/foreign"),
+            (Kind::Refused, _) => format!("cofix/{group}/refused"),
             (Kind::Sender, _) => format!("cofix/{group}/sender"),
             _ => format!("cofix/{group}/step"),
         };

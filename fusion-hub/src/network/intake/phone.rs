@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, VecDeque};
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::wire::{EpochMessage, PhoneStatus};
 
-use super::run::Run;
+use super::read::Refusal;
+use super::run::{Counted, Run};
 use super::{Arrival, Finished, Notice};
 
 /// Most runs remembered for one phone; a phone has one at a time, and one more after each restart. The oldest are forgotten.
@@ -26,6 +27,8 @@ pub(super) struct PhoneIntake {
     /// Messages whose turn it is.
     pub(super) ready: VecDeque<EpochMessage>,
     pub(super) skips: Skips,
+    /// How many epochs are given up, of all runs.
+    pub(super) lost: u64,
 }
 
 impl PhoneIntake {
@@ -60,12 +63,38 @@ impl PhoneIntake {
         self.runs.get(self.current.as_ref()?)
     }
 
-    /// Takes a message that counts.
-    pub(super) fn take(&mut self, arrival: &Arrival, sequence: u64, message: Option<EpochMessage>) {
+    /// What could be read; what could not is counted.
+    pub(super) fn read<T>(&mut self, read: Result<T, Refusal>) -> Option<T> {
+        read.map_err(|(reason, text)| self.skips.add(reason, || text)).ok()
+    }
+
+    /// Takes an epoch. Whether it counts and is usable.
+    pub(super) fn epoch(&mut self, arrival: &Arrival, message: EpochMessage, from_history: bool) -> bool {
+        let sequence = message.sequence;
+        match self.run(arrival).count(sequence, from_history) {
+            Counted::New => {}
+            Counted::Repeated { asked_for: false } => {
+                self.skips.add(Reason::MessageReceivedTwice, || repeated(&message));
+                return false;
+            }
+            Counted::Repeated { asked_for: true } | Counted::TooEarly => return false,
+        }
+        let message = message.sanitise(&arrival.phone, &mut self.skips);
+        let is_usable = message.is_some();
         let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
         if let Some(run) = self.runs.get_mut(sender) {
             run.take(sequence, message, &mut self.ready);
         }
+        is_usable
+    }
+
+    /// Checks that an epoch is not there already. (One that was asked for may be, and one of an agent that was gone tells that it is back.)
+    pub(super) fn check_new(&self, arrival: &Arrival, message: &EpochMessage) -> Result<(), Refusal> {
+        let run = self.runs.get(arrival.sender.as_deref().unwrap_or(ANONYMOUS));
+        if run.is_some_and(|run| !run.gone && run.repeats(message.sequence)) {
+            return Err((Reason::MessageReceivedTwice, repeated(message)));
+        }
+        Ok(())
     }
 
     pub(super) fn skip(&mut self, sender: &str, to: u64, why: &str) -> u64 {
@@ -76,10 +105,9 @@ impl PhoneIntake {
         lost
     }
 
-    /// Gives up the missing epochs that later ones wait for.
+    /// Gives up the epochs that are known to exist and have not arrived.
     pub(super) fn release_all(&mut self, sender: &str, why: &str) {
-        let waited_on = |run: &Run| run.gap().filter(|gap| gap.waited_on);
-        while let Some(gap) = self.runs.get(sender).and_then(waited_on) {
+        while let Some(gap) = self.runs.get(sender).and_then(Run::gap) {
             self.skip(sender, gap.to, why);
         }
     }
@@ -93,6 +121,7 @@ impl PhoneIntake {
     }
 
     fn count_lost(&mut self, lost: u64, describe: impl Fn() -> String) {
+        self.lost = self.lost.saturating_add(lost);
         for _ in 0..lost.min(MAXIMUM_LOST) {
             self.skips.add(Reason::EpochsNotArrived, &describe);
         }
@@ -125,4 +154,8 @@ impl PhoneIntake {
             }
         }
     }
+}
+
+fn repeated(message: &EpochMessage) -> String {
+    format!("sequence {} at {}", message.sequence, message.time_gps)
 }
