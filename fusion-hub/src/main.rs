@@ -73,9 +73,12 @@ enum Command {
         /// Session file with observations for every phone; with a journal, settings to use in place of its own
         #[arg(required_unless_present = "journal")]
         session: Option<PathBuf>,
-        /// Journal of a live session, which is done again as it was
+        /// Journal of a live session, which is done again as it was; of several of one session, as with --late
         #[arg(long, value_name = "FILE")]
-        journal: Option<PathBuf>,
+        journal: Vec<PathBuf>,
+        /// Do the journal again with every epoch in order of its time, also those that came too late, as a replay of recordings would
+        #[arg(long, requires = "journal")]
+        late: bool,
         /// Folder to which the session file's paths are relative [default: its own]
         #[arg(long, value_name = "DIR")]
         data: Option<PathBuf>,
@@ -158,10 +161,10 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             let options = LiveOptions { listen, files: outputs, until_finished, latency, journal };
             conclude(live::run(&session, &options, stop)?, report)
         }
-        Command::Replay { session, journal: Some(journal), data, outputs, .. } => {
-            again(session.as_deref(), &journal, data.as_deref(), &outputs)
+        Command::Replay { session, journal, late, data, outputs, .. } if !journal.is_empty() => {
+            again(session.as_deref(), &journal, late, data.as_deref(), &outputs)
         }
-        Command::Replay { session, journal: None, data, speed, outputs } => {
+        Command::Replay { session, data, speed, outputs, .. } => {
             let file = session.context("a session file is missing")?;
             let session = Session::read(&file, data.as_deref())?;
             let inputs = inputs(&file, &session);
@@ -189,15 +192,18 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
     }
 }
 
-/// Does a journal again, with the settings of a session file or its own.
+/// Does a journal again, or several, with the settings of a session file or those of the first; `late`: in order of time.
 fn again(
     file: Option<&Path>,
-    journal: &Path,
+    journals: &[PathBuf],
+    late: bool,
     data: Option<&Path>,
     outputs: &OutputFiles,
 ) -> anyhow::Result<()> {
-    let mut reader = JournalReader::open(journal)?;
-    let Origin { header, session } = reader.origin()?.clone();
+    let mut readers: Vec<JournalReader> =
+        journals.iter().map(|path| JournalReader::open(path)).collect::<Result<_, _>>()?;
+    let first = readers.first_mut().context("a journal is missing")?;
+    let Origin { header, session } = first.origin()?.clone();
     let (file, data) =
         file.map_or((header.session_path.as_path(), header.data.as_deref()), |file| (file, data));
     let session = match session {
@@ -206,9 +212,18 @@ fn again(
     };
     let mut read = live_inputs(file, &session);
     read.retain(|input| input.path.is_file());
-    let named: Vec<Named> = read.iter().cloned().chain([Named::new("the journal", journal)]).collect();
+    let named: Vec<Named> = read
+        .iter()
+        .cloned()
+        .chain(journals.iter().map(|journal| Named::new("the journal", journal)))
+        .collect();
     let report = ReportPlan::new(outputs, &named, read, folder(file, data))?;
-    conclude(live::again(&session, &mut reader, outputs)?, report)
+    let outcome = if late || journals.len() > 1 {
+        live::in_order(&session, &mut readers, outputs)?
+    } else {
+        live::again(&session, first, outputs)?
+    };
+    conclude(outcome, report)
 }
 
 fn replay_options(files: OutputFiles, speed: Speed) -> ReplayOptions {

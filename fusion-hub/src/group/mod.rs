@@ -1,5 +1,6 @@
 //! One group at work: events in, fused epochs out, on one thread.
 
+mod in_order;
 mod journalled;
 mod losses;
 mod missing;

@@ -40,7 +40,7 @@ use serde::{Deserialize, Serialize};
 use crate::network::Event;
 
 pub use fix::{CovarianceType, LocationFix};
-pub use place::{in_use, of_group};
+pub use place::{has_ended, in_use, of_group, segments};
 pub use reader::{JournalReader, Origin};
 pub use writer::Journal;
 

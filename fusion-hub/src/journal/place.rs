@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 
 use cofix_agent::clock;
 
-use super::{JournalReader, segment};
+use super::{Entry, JournalReader, segment};
 
 /// Age after which an unfinished journal is no longer taken for that of a hub that was killed and is started again.
 const LONGEST_PAUSE: Duration = Duration::from_hours(24);
@@ -33,9 +33,8 @@ fn unfinished(folder: &Path, group: &str, now: SystemTime) -> Option<PathBuf> {
         })
         .collect();
     journals.sort();
-    let is_unfinished =
-        |path: &Path| !in_use(path) && JournalReader::open(path).is_ok_and(|mut reader| !reader.has_ended());
-    journals.into_iter().rev().map(|(_, path)| path).find(|path| is_unfinished(path))
+    let mut paths = journals.into_iter().rev().map(|(_, path)| path);
+    paths.find(|path| !in_use(path) && JournalReader::open(path).is_ok() && !has_ended(path))
 }
 
 /// Whether a name is one that [`of_group`] gives, of a first segment.
@@ -50,9 +49,19 @@ pub fn in_use(path: &Path) -> bool {
     File::open(last_segment(path)).is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
 }
 
+/// Whether the session of a journal came to its end. Its last segment alone tells.
+pub fn has_ended(path: &Path) -> bool {
+    let last = JournalReader::open(&last_segment(path));
+    last.is_ok_and(|mut last| last.any(|entry| matches!(entry, Entry::Ended)))
+}
+
+/// Number of segments that were begun.
+pub fn segments(path: &Path) -> u32 {
+    (1..=u32::MAX).take_while(|number| segment(path, *number).exists()).last().unwrap_or_default()
+}
+
 fn last_segment(path: &Path) -> PathBuf {
-    let files = (1..).map(|number| segment(path, number)).take_while(|file| file.exists());
-    files.last().unwrap_or_else(|| path.to_owned())
+    segment(path, segments(path))
 }
 
 /// `20201231-235959`, GPS time.

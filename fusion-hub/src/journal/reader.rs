@@ -102,11 +102,6 @@ impl JournalReader {
         &self.damages
     }
 
-    /// Reads to the end. Returns whether the session came to its end.
-    pub fn has_ended(&mut self) -> bool {
-        self.by_ref().any(|entry| matches!(entry, Entry::Ended))
-    }
-
     fn read_next(&mut self) -> Option<Entry> {
         loop {
             let segment = self.segment.as_mut()?;

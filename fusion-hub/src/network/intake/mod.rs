@@ -13,7 +13,7 @@ use cofix_common::wire::{EpochMessage, Receipt};
 
 use phone::PhoneIntake;
 use read::Part;
-use run::Run;
+use run::{MAXIMUM_PARKED, Run};
 
 pub use run::Gap;
 
@@ -97,9 +97,16 @@ impl Intake {
     pub fn new(names: &[String]) -> Self {
         Self {
             names: names.to_vec(),
-            phones: names.iter().map(|_| PhoneIntake::default()).collect(),
+            phones: names.iter().map(|_| PhoneIntake::new(MAXIMUM_PARKED)).collect(),
             skips: Skips::default(),
         }
+    }
+
+    /// For phones of these names, all of whose messages come before the first is taken out: any number may wait for their turn.
+    pub fn of_a_whole_trial(names: &[String]) -> Self {
+        let mut intake = Self::new(names);
+        intake.phones.iter_mut().for_each(|phone| phone.most_parked = usize::MAX);
+        intake
     }
 
     /// Index of a phone of the group.

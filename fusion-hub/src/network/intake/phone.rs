@@ -29,9 +29,16 @@ pub(super) struct PhoneIntake {
     pub(super) skips: Skips,
     /// How many epochs are given up, of all runs.
     pub(super) lost: u64,
+    /// Most messages of a run that wait for their turn.
+    pub(super) most_parked: usize,
 }
 
 impl PhoneIntake {
+    /// Of whose runs so many messages may wait for their turn.
+    pub(super) fn new(most_parked: usize) -> Self {
+        Self { most_parked, ..Self::default() }
+    }
+
     /// The run that an arrival belongs to; a new run may push out the oldest.
     pub(super) fn run(&mut self, arrival: &Arrival) -> &mut Run {
         let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
@@ -71,7 +78,8 @@ impl PhoneIntake {
     /// Takes an epoch. Whether it counts and is usable.
     pub(super) fn epoch(&mut self, arrival: &Arrival, message: EpochMessage, from_history: bool) -> bool {
         let sequence = message.sequence;
-        match self.run(arrival).count(sequence, from_history) {
+        let most_parked = self.most_parked;
+        match self.run(arrival).count(sequence, from_history, most_parked) {
             Counted::New => {}
             Counted::Repeated { asked_for: false } => {
                 self.skips.add(Reason::MessageReceivedTwice, || repeated(&message));

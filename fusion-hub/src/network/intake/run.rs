@@ -95,8 +95,8 @@ impl Run {
         self.note_existence(next);
     }
 
-    /// Whether a message of this number is new.
-    pub(super) fn count(&mut self, sequence: u64, from_history: bool) -> Counted {
+    /// Whether a message of this number is new; at most `most_parked` wait for their turn.
+    pub(super) fn count(&mut self, sequence: u64, from_history: bool, most_parked: usize) -> Counted {
         let asked_for = from_history || sequence < self.fetched_to;
         if from_history {
             self.fetched_to = self.fetched_to.max(sequence.saturating_add(1));
@@ -105,7 +105,7 @@ impl Run {
             return Counted::Repeated { asked_for };
         }
         self.note_existence(sequence.saturating_add(1));
-        if sequence != self.next && !self.anonymous && self.parked.len() >= MAXIMUM_PARKED {
+        if sequence != self.next && !self.anonymous && self.parked.len() >= most_parked {
             return Counted::TooEarly;
         }
         self.received += 1;

@@ -267,7 +267,7 @@ fn the_end_hands_out_what_waits() {
 #[test]
 fn no_more_than_so_many_messages_wait() {
     let mut intake = intake();
-    let most = run::MAXIMUM_PARKED as u64;
+    let most = MAXIMUM_PARKED as u64;
     for sequence in 1..=most + 10 {
         send(&mut intake, sequence);
     }
