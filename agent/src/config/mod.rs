@@ -53,6 +53,10 @@ pub struct AgentConfig {
     pub hub_in_process: bool,
     /// Number of the last messages that are kept for a hub that starts late or loses its connection.
     pub kept_messages: usize,
+    /// Folder in which all epochs are kept, for a hub that is out of reach for longer than these.
+    pub spool: Option<PathBuf>,
+    /// Largest size of the spool, bytes.
+    pub spool_bytes: u64,
 }
 
 impl AgentConfig {
@@ -60,6 +64,9 @@ impl AgentConfig {
     pub const PATIENCE: Duration = Duration::from_secs(10);
     /// Default of [`AgentConfig::kept_messages`]: an hour at 1 Hz, about 30 MB.
     pub const KEPT_MESSAGES: usize = 3_600;
+
+    /// Default of [`AgentConfig::spool_bytes`]: some days at 1 Hz.
+    pub const SPOOL_BYTES: u64 = 1_000_000_000;
 
     /// The default configuration: maximum speed, no products, and no endpoint of a hub.
     pub fn new(group: &str, phone: &str, source: Source) -> Self {
@@ -77,6 +84,8 @@ impl AgentConfig {
             patience: Self::PATIENCE,
             hub_in_process: false,
             kept_messages: Self::KEPT_MESSAGES,
+            spool: None,
+            spool_bytes: Self::SPOOL_BYTES,
         }
     }
 
