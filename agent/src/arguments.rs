@@ -179,7 +179,7 @@ pub(crate) struct Publish {
     /// 'max', or times the recorded speed (1 = as recorded); of no effect on live sources
     #[arg(long, default_value = "1")]
     speed: Speed,
-    /// Folder in which all epochs of the run are kept, for a hub that is out of reach for longer than the last 3,600, which are kept in
+    /// Folder in which raw input of a live source is kept as it comes, and all epochs of the run, for a hub that is out of reach for longer than the last 3,600, which are kept in
     /// memory
     #[arg(long, value_name = "DIR")]
     spool: Option<PathBuf>,

@@ -14,7 +14,8 @@ use cofix_common::orbit::Products;
 use cofix_common::pipeline::PipelineOptions;
 use cofix_common::time::GpsTime;
 
-use crate::input::LiveSource;
+use crate::clock;
+use crate::input::{LiveSource, RawFiles};
 use crate::publication::UNANSWERED;
 
 /// Longest wait for a hub on the network that takes no message in: Zenoh's default.
@@ -87,6 +88,13 @@ impl AgentConfig {
             spool: None,
             spool_bytes: Self::SPOOL_BYTES,
         }
+    }
+
+    /// Where raw input is kept, by phone and GPS time of now.
+    pub(crate) fn raw_files(&self) -> Option<RawFiles> {
+        let time = clock::now().iso().replace(['-', ':'], "");
+        let stem = self.spool.as_ref()?.join(format!("{}-{time}", self.phone));
+        Some(RawFiles { stem, limit_bytes: self.spool_bytes })
     }
 
     /// Longest wait for a hub that takes no message in; then the connection counts as lost, and is opened again.
