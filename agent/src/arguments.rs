@@ -184,6 +184,13 @@ pub(crate) struct Publish {
     /// 'max', or times the recorded speed (1 = as recorded); of no effect on live sources
     #[arg(long, default_value = "1")]
     speed: Speed,
+    /// Folder in which raw input of a live source is kept as it comes, and all epochs of the run, for a hub that is out of reach for longer than the last 3,600, which are kept in
+    /// memory
+    #[arg(long, value_name = "DIR")]
+    spool: Option<PathBuf>,
+    /// Largest size of the spool, beyond which the oldest epochs go, MB
+    #[arg(long, value_name = "MB", default_value_t = 1_000, value_parser = clap::value_parser!(u64).range(1..=1_000_000), requires = "spool")]
+    spool_size: u64,
     /// Seconds to wait for the hub before giving up
     #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     patience: u64,
@@ -239,6 +246,8 @@ impl Publish {
             patience: Duration::from_secs(self.patience),
             hub_in_process: false,
             kept_messages: AgentConfig::KEPT_MESSAGES,
+            spool: self.spool,
+            spool_bytes: self.spool_size * 1_000_000,
         })
     }
 

@@ -10,7 +10,7 @@ pub fn now() -> GpsTime {
 }
 
 /// GPS time of an instant of the computer's clock.
-pub(crate) fn gps_time_of(time: SystemTime) -> GpsTime {
+pub fn gps_time_of(time: SystemTime) -> GpsTime {
     let unix_s = time.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
     let epoch = GpsTime::default().as_unix_calendar_nanos() as f64 * 1e-9;
     let utc = GpsTime::default() + (unix_s - epoch);

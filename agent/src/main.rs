@@ -52,7 +52,7 @@ fn inspect(arguments: &Inspect) -> anyhow::Result<()> {
     let mut pipeline = estimator.pipeline();
     pipeline.correction = masks.apply(preset.masked(pipeline.correction))?;
     let options = InspectOptions {
-        reading: Reading { near: arguments.read.date, log: log.with(&masks)?, dates: None },
+        reading: Reading { near: arguments.read.date, log: log.with(&masks)?, ..Reading::default() },
         products: ProductSource::Files(arguments.products.clone()),
         pipeline,
     };
@@ -97,7 +97,7 @@ fn convert(arguments: Convert) -> anyhow::Result<()> {
     } = arguments;
     let outputs = Outputs { observations: output_observations, navigation: output_navigation, overwrite };
     let log = log.with(&Masks { cn0_dbhz: cn0_mask, ..Masks::default() })?;
-    let reading = Reading { near: date, log, dates: None };
+    let reading = Reading { near: date, log, ..Reading::default() };
     let converted = run_until_asked_to_end(move |stop| {
         Ok(cofix_agent::convert::convert(&files, &outputs, &reading, stop)?)
     })?;

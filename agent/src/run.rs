@@ -168,7 +168,7 @@ impl<'a> Prepared<'a> {
         }
         let loaded = Loaded::read(&config.products)?;
         let Loaded { mut products, mut skips, near } = loaded;
-        let mut reading = Reading { near, log: config.log.clone(), dates: None };
+        let mut reading = Reading { near, log: config.log.clone(), dates: None, raw: config.raw_files() };
         let has_orbits = products.has_orbits();
         let mut expected = None;
         let rover = RoverPosition::default();

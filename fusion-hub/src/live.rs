@@ -12,7 +12,7 @@ use cofix_common::skips::Skips;
 use zenoh::qos::CongestionControl;
 
 use crate::group::{Course, Group, Parts};
-use crate::journal::{Header, Journal, JournalReader, Origin, remove};
+use crate::journal::{Header, Journal, JournalReader, Origin, has_ended, in_use, remove, segments};
 use crate::network::{FusedPublisher, HistoryQuestions, Listening, Network, Receipts};
 use crate::outputs::{OutputFiles, Outputs, keep_partial};
 use crate::replay::{Outcome, outcome};
@@ -47,6 +47,8 @@ pub struct JournalOptions {
     pub session_path: PathBuf,
     /// Folder to which its paths are relative, if not its own.
     pub data: Option<PathBuf>,
+    /// Size of the data after which a new segment is begun, bytes.
+    pub segment_bytes: u64,
 }
 
 /// Runs a hub until `stop` is requested or, with `until_finished`, all agents have finished. Blocks.
@@ -59,8 +61,8 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
         options.journal.as_ref().map(|journal| unfinished(session, journal, options)).transpose()?.flatten();
     let (network, events) = Network::listen(&session.group, &session.phone_names(), &options.listening)?;
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
-    let (mut group, truth_skips) =
-        silent_group(session, latency, options.until_finished, &options.files, network.receipts())?;
+    let live = Course::Live { until_finished: options.until_finished };
+    let (mut group, truth_skips) = silent_group(session, latency, live, &options.files, network.receipts())?;
     let mut segments = 0;
     if let Some(mut reader) = unfinished {
         // Whether it has ended was looked at before.
@@ -99,7 +101,8 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
 pub fn again(session: &Session, reader: &mut JournalReader, files: &OutputFiles) -> anyhow::Result<Outcome> {
     let latency = reader.origin()?.header.latency;
     check_phones(session, reader.origin()?)?;
-    let (mut group, truth_skips) = silent_group(session, latency, false, files, Receipts::default())?;
+    let live = Course::Live { until_finished: false };
+    let (mut group, truth_skips) = silent_group(session, latency, live, files, Receipts::default())?;
     if !group.retrace(reader.by_ref())? {
         tracing::warn!("the journal's session did not come to its end");
         group.end_retraced()?;
@@ -108,11 +111,33 @@ pub fn again(session: &Session, reader: &mut JournalReader, files: &OutputFiles)
     Ok(live_outcome(&mut group, session, &truth_skips))
 }
 
-/// A live group that asks and publishes nothing.
+/// Does a whole trial again that one or several journals tell of: every epoch in order of its time, as a replay of the phones' recordings would, also
+/// those that came too late to be fused. What stands in several journals counts once. Blocks.
+///
+/// # Errors
+/// When a journal is of other phones, a truth file cannot be used, or an output cannot be written.
+pub fn in_order(
+    session: &Session,
+    journals: &mut [JournalReader],
+    files: &OutputFiles,
+) -> anyhow::Result<Outcome> {
+    for journal in journals.iter() {
+        check_phones(session, journal.origin()?)?;
+    }
+    let (mut group, truth_skips) =
+        silent_group(session, Duration::ZERO, Course::Replay, files, Receipts::default())?;
+    group.take_in_order(journals.iter_mut().flatten())?;
+    for journal in journals.iter() {
+        journal.damages().iter().for_each(|damage| tracing::warn!("{damage}"));
+    }
+    Ok(live_outcome(&mut group, session, &truth_skips))
+}
+
+/// A group that asks and publishes nothing.
 fn silent_group(
     session: &Session,
     maximum_wait: Duration,
-    until_finished: bool,
+    course: Course,
     files: &OutputFiles,
     receipts: Receipts,
 ) -> anyhow::Result<(Group, Skips)> {
@@ -121,11 +146,15 @@ fn silent_group(
     let scores = Scores::new(truths, session.truth_quality.clone());
     let mut outputs = Outputs::new(&phones, FusedPublisher::nowhere(), scores);
     outputs.write_to(files, &session.group, true)?;
-    let align = session.settings.estimator.align();
+    let align = AlignOptions { maximum_wait, ..session.settings.estimator.align() };
+    let aligner = match course {
+        Course::Replay => Aligner::new(phones.len(), align),
+        Course::Live { .. } => Aligner::live(phones.len(), align),
+    };
     let group = Group::new(Parts {
         name: session.group.clone(),
-        course: Course::Live { until_finished },
-        aligner: Aligner::live(phones.len(), AlignOptions { maximum_wait, ..align }),
+        course,
+        aligner,
         engine: Engine::new(&phones, session.constraints.clone(), session.settings.options()?.1),
         receipts,
         history: HistoryQuestions::silent(),
@@ -155,23 +184,26 @@ fn unfinished(
         return Ok(None);
     }
     // What is no journal is never replaced.
-    let mut reader = JournalReader::open(path)?;
+    let reader = JournalReader::open(path)?;
+    if in_use(path) {
+        bail!("{}: another hub writes this journal now; name another one", path.display());
+    }
     if options.files.overwrite {
         remove(path).with_context(|| format!("{}: cannot be replaced", path.display()))?;
         return Ok(None);
     }
     check_phones(session, reader.origin()?)?;
-    if reader.has_ended() {
+    if has_ended(path) {
         bail!(
             "{}: the journal of a session that came to its end; name another one, or say --overwrite",
             path.display()
         );
     }
     if let Some(recording) = &options.files.recording {
-        keep_partial(recording, reader.segments())
+        keep_partial(recording, segments(path))
             .with_context(|| format!("{}: what is left of it cannot be kept", recording.display()))?;
     }
-    Ok(Some(JournalReader::open(path)?))
+    Ok(Some(reader))
 }
 
 fn check_phones(session: &Session, origin: &Origin) -> anyhow::Result<()> {
@@ -194,14 +226,14 @@ fn journal(
     latency: Duration,
     segments: u32,
 ) -> anyhow::Result<Journal> {
-    let JournalOptions { path, session_path, data } = options.clone();
+    let JournalOptions { path, session_path, data, segment_bytes } = options.clone();
     let header =
         Header { group: session.group.clone(), phones: session.phone_names(), latency, session_path, data };
     if segments > 0 {
-        return Journal::go_on(&path, header, segments, clock::now());
+        return Ok(Journal::go_on(&path, header, segments, clock::now())?.with_segments_of(segment_bytes));
     }
     let text = read(&header.session_path)?;
-    Journal::create(&path, header, &text, clock::now())
+    Ok(Journal::create(&path, header, &text, clock::now())?.with_segments_of(segment_bytes))
 }
 
 fn read(path: &Path) -> anyhow::Result<String> {

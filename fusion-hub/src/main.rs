@@ -4,7 +4,7 @@ mod arguments;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use anyhow::Context;
 use clap::{Parser, Subcommand, ValueEnum};
@@ -14,7 +14,7 @@ use cofix_agent::{Speed, Stop};
 use cofix_common::settings::Preset;
 use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
 use cofix_hub::enroll;
-use cofix_hub::journal::{JournalReader, Origin};
+use cofix_hub::journal::{JournalReader, Origin, of_group};
 use cofix_hub::live::{self, JournalOptions, LiveOptions};
 use cofix_hub::network::ListenArguments;
 use cofix_hub::outputs::OutputFiles;
@@ -59,12 +59,16 @@ enum Command {
         /// [default: maximum_wait_s in the session's table alignment, 5]
         #[arg(long, value_name = "SECONDS", value_parser = latency)]
         latency: Option<f64>,
-        /// Journal of everything that comes (.mcap), with which a hub that was killed goes on [default: beside the recording]
+        /// Journal of everything that comes (.mcap), with which a hub that was killed goes on [default: beside the recording; without
+        /// one, GROUP-DATE-TIME.mcap in the working directory]
         #[arg(long, value_name = "FILE")]
         journal: Option<PathBuf>,
         /// Write no journal
         #[arg(long, conflicts_with = "journal")]
         no_journal: bool,
+        /// Size after which the journal goes on in another file, MB before compression
+        #[arg(long, value_name = "MB", default_value_t = 256, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+        journal_size: u64,
         #[command(flatten)]
         outputs: OutputFiles,
     },
@@ -73,9 +77,12 @@ enum Command {
         /// Session file with observations for every phone; with a journal, settings to use in place of its own
         #[arg(required_unless_present = "journal")]
         session: Option<PathBuf>,
-        /// Journal of a live session, which is done again as it was
+        /// Journal of a live session, which is done again as it was; of several of one session, as with --late
         #[arg(long, value_name = "FILE")]
-        journal: Option<PathBuf>,
+        journal: Vec<PathBuf>,
+        /// Do the journal again with every epoch in order of its time, also those that came too late, as a replay of recordings would
+        #[arg(long, requires = "journal")]
+        late: bool,
         /// Folder to which the session file's paths are relative [default: its own]
         #[arg(long, value_name = "DIR")]
         data: Option<PathBuf>,
@@ -146,6 +153,7 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             latency,
             journal,
             no_journal,
+            journal_size,
             outputs,
         } => {
             let session = Session::read(&file, data.as_deref())?;
@@ -155,15 +163,18 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             let listening = listen.of_group(&session.group, &session.phone_names())?;
             let latency = latency.map(Duration::from_secs_f64);
             let beside = || outputs.recording.as_ref().map(|recording| recording.with_extension("mcap"));
-            let journal = journal.or_else(beside).filter(|_| !no_journal);
-            let journal = journal.map(|path| JournalOptions { path, session_path: file, data });
+            let usual = || of_group(Path::new("."), &session.group, outputs.overwrite, SystemTime::now());
+            let journal = (!no_journal).then(|| journal.or_else(beside).unwrap_or_else(usual));
+            let segment_bytes = journal_size * 1_000_000;
+            let journal =
+                journal.map(|path| JournalOptions { path, session_path: file, data, segment_bytes });
             let options = LiveOptions { listening, files: outputs, until_finished, latency, json, journal };
             conclude(live::run(&session, &options, stop)?, report)
         }
-        Command::Replay { session, journal: Some(journal), data, outputs, .. } => {
-            again(session.as_deref(), &journal, data.as_deref(), &outputs)
+        Command::Replay { session, journal, late, data, outputs, .. } if !journal.is_empty() => {
+            again(session.as_deref(), &journal, late, data.as_deref(), &outputs)
         }
-        Command::Replay { session, journal: None, data, speed, outputs } => {
+        Command::Replay { session, data, speed, outputs, .. } => {
             let file = session.context("a session file is missing")?;
             let session = Session::read(&file, data.as_deref())?;
             let inputs = inputs(&file, &session);
@@ -192,15 +203,18 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
     }
 }
 
-/// Does a journal again, with the settings of a session file or its own.
+/// Does a journal again, or several, with the settings of a session file or those of the first; `late`: in order of time.
 fn again(
     file: Option<&Path>,
-    journal: &Path,
+    journals: &[PathBuf],
+    late: bool,
     data: Option<&Path>,
     outputs: &OutputFiles,
 ) -> anyhow::Result<()> {
-    let mut reader = JournalReader::open(journal)?;
-    let Origin { header, session } = reader.origin()?.clone();
+    let mut readers: Vec<JournalReader> =
+        journals.iter().map(|path| JournalReader::open(path)).collect::<Result<_, _>>()?;
+    let first = readers.first_mut().context("a journal is missing")?;
+    let Origin { header, session } = first.origin()?.clone();
     let (file, data) =
         file.map_or((header.session_path.as_path(), header.data.as_deref()), |file| (file, data));
     let session = match session {
@@ -209,9 +223,18 @@ fn again(
     };
     let mut read = live_inputs(file, &session);
     read.retain(|input| input.path.is_file());
-    let named: Vec<Named> = read.iter().cloned().chain([Named::new("the journal", journal)]).collect();
+    let named: Vec<Named> = read
+        .iter()
+        .cloned()
+        .chain(journals.iter().map(|journal| Named::new("the journal", journal)))
+        .collect();
     let report = ReportPlan::new(outputs, &named, read, folder(file, data))?;
-    conclude(live::again(&session, &mut reader, outputs)?, report)
+    let outcome = if late || journals.len() > 1 {
+        live::in_order(&session, &mut readers, outputs)?
+    } else {
+        live::again(&session, first, outputs)?
+    };
+    conclude(outcome, report)
 }
 
 fn replay_options(files: OutputFiles, speed: Speed) -> ReplayOptions {

@@ -2,81 +2,25 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)] // helpers of tests
 
-#[path = "../../agent/tests/limits/mod.rs"]
-mod limits;
+mod hubs;
 
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use assert_cmd::Command as Checked;
-use cofix_agent::{AgentConfig, AgentError, AgentReport, Speed, Stop};
-use cofix_common::simulation::Scenario;
 use cofix_hub::replay::Plan;
-use limits::Running;
-
-/// Three phones of a car for three minutes.
-fn plan() -> Plan {
-    cofix_hub::demo::plan(Scenario { duration_s: 180.0, ..Scenario::car(3) }).unwrap()
-}
-
-/// The session file of a live hub for the plan's phones.
-fn write_session(folder: &Path, plan: &Plan) {
-    let phones = plan.phones.iter().map(|phone| format!("[[phone]]\nname = '{}'\n", phone.name));
-    let bound = "[[constraint]]\nkind = 'distance'\nmaximum_m = 2.0\n";
-    let text = format!("group = '{}'\n{}{bound}", plan.group, phones.collect::<String>());
-    std::fs::write(folder.join("car.toml"), text).unwrap();
-}
-
-fn free_endpoint() -> String {
-    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    format!("tcp/{}", port.local_addr().unwrap())
-}
-
-/// A hub that listens.
-fn start_hub(folder: &Path, endpoint: &str, outputs: &[&str]) -> Child {
-    let mut hub = Command::new(env!("CARGO_BIN_EXE_cofix-hub"))
-        .current_dir(folder)
-        .args(["run", "car.toml", "--until-finished", "--latency", "20", "--listen", endpoint])
-        .args(outputs)
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut lines = BufReader::new(hub.stderr.take().unwrap()).lines();
-    let mut said = Vec::new();
-    while !said.last().is_some_and(|line: &String| line.contains("listens on")) {
-        said.push(lines.next().unwrap_or_else(|| panic!("the hub has ended: {said:?}")).unwrap());
-    }
-    // Its log is read, so that it never waits for that.
-    std::thread::spawn(move || lines.for_each(drop));
-    hub
-}
-
-fn start_agents(plan: &Plan, endpoint: &str) -> Vec<Running<Result<AgentReport, AgentError>>> {
-    let start = |phone: &cofix_hub::replay::PlannedPhone| {
-        let config = AgentConfig {
-            products: plan.products.clone(),
-            connect: vec![endpoint.to_owned()],
-            speed: Speed::Times(20.0),
-            ..AgentConfig::new(&plan.group, &phone.name, phone.source.clone())
-        };
-        limits::spawn(move || cofix_agent::run(&config, &Stop::default()))
-    };
-    plan.phones.iter().map(start).collect()
-}
+use hubs::{free_endpoint, limits, plan, read, start_agents, start_hub, write_session};
 
 /// Runs agents against a hub that is killed this many times, and started again.
 fn run(folder: &Path, plan: &Plan, kills: u32, outputs: &[&str]) {
     let endpoint = free_endpoint();
-    let mut hub = start_hub(folder, &endpoint, outputs);
+    let mut hub = start_hub(folder, &endpoint, "20", outputs);
     let agents = start_agents(plan, &endpoint);
     for _ in 0..kills {
         std::thread::sleep(Duration::from_millis(1_200));
         hub.kill().unwrap();
         hub.wait().unwrap();
-        hub = start_hub(folder, &endpoint, outputs);
+        hub = start_hub(folder, &endpoint, "20", outputs);
     }
     for agent in agents {
         agent.join().unwrap().unwrap();
@@ -84,8 +28,41 @@ fn run(folder: &Path, plan: &Plan, kills: u32, outputs: &[&str]) {
     assert!(limits::ended(&mut hub).success());
 }
 
-fn read(folder: &Path, name: &str) -> String {
-    std::fs::read_to_string(folder.join(name)).unwrap()
+/// Journals in a folder, in order of their names.
+fn journals(folder: &Path) -> Vec<String> {
+    let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let journals = paths.filter(|path| path.extension().is_some_and(|extension| extension == "mcap"));
+    let mut journals: Vec<String> =
+        journals.map(|path| path.file_name().unwrap().to_string_lossy().into_owned()).collect();
+    journals.sort_unstable();
+    journals
+}
+
+/// How many fused positions a file has.
+fn fixes(path: &Path) -> usize {
+    let bytes = std::fs::read(path).unwrap();
+    let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+    let is_fix = |message: &mcap::Message<'_>| {
+        message.channel.schema.as_ref().is_some_and(|schema| schema.name == "foxglove.LocationFix")
+    };
+    messages.filter(is_fix).count()
+}
+
+#[test]
+fn a_hub_that_nobody_told_where_to_write_has_a_journal_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = plan();
+    write_session(folder.path(), &plan);
+    run(folder.path(), &plan, 1, &["--report", "live.json"]);
+    let names = journals(folder.path());
+    let [second, first] = names.as_slice() else { panic!("{names:?}") };
+    let stem = first.strip_suffix(".mcap").unwrap();
+    assert!(stem.starts_with(&format!("{}-20", plan.group)), "{names:?}");
+    assert_eq!(*second, format!("{stem}.2.mcap"));
+    let mut command = Checked::cargo_bin("cofix-hub").unwrap();
+    let arguments = ["replay", "--journal", first, "--report", "again.json"];
+    command.current_dir(folder.path()).args(arguments).assert().success();
+    assert_eq!(read(folder.path(), "again.json"), read(folder.path(), "live.json"));
 }
 
 #[test]
@@ -95,6 +72,8 @@ fn a_journal_is_done_again_bit_for_bit() {
     write_session(folder.path(), &plan);
     let outputs = ["--recording", "live.rrd", "--report", "live.json", "--positions", "live.csv"];
     run(folder.path(), &plan, 0, &outputs);
+    let rows = read(folder.path(), "live.csv").lines().count() - 1;
+    assert_eq!(fixes(&folder.path().join("live.mcap")), rows);
     let again = |arguments: &[&str]| {
         let mut command = Checked::cargo_bin("cofix-hub").unwrap();
         let outputs = ["--report", "again.json", "--positions", "again.csv", "--overwrite"];
@@ -124,6 +103,7 @@ fn hubs_that_are_killed_go_on_from_their_journal() {
     let plan = plan();
     write_session(folder.path(), &plan);
     run(folder.path(), &plan, 0, &["--no-journal", "--positions", "undisturbed.csv"]);
+    assert_eq!(journals(folder.path()), Vec::<String>::new());
     run(folder.path(), &plan, 3, &["--recording", "live.rrd", "--positions", "killed.csv"]);
     assert_eq!(read(folder.path(), "killed.csv"), read(folder.path(), "undisturbed.csv"));
     let mut files: Vec<String> = std::fs::read_dir(folder.path())

@@ -16,7 +16,8 @@ use serde_json::Value;
 const DOCUMENT: &str = include_str!("../../docs/report.md");
 
 /// Objects whose keys are data: names of phones, reasons, verdicts.
-const BY_NAME: [&str; 12] = [
+const BY_NAME: [&str; 13] = [
+    "lost",
     "changed",
     "wls",
     "local",

@@ -540,3 +540,36 @@ fn what_an_agent_does_not_keep_is_counted_and_the_agent_knows() {
     assert!(other.is_ok(), "{other:?}");
     assert_eq!(report.phones["SIM2"].epochs, messages(&plan, 1).len() as u64);
 }
+
+/// A hub is down for longer than the agents' memory lasts; the next one, without a journal, gets everything from their spools.
+#[test]
+fn what_an_agent_keeps_on_disk_is_not_lost() {
+    let plan = small_plan(2, 120.0).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let first = Hub::start(&plan, Course::Live { until_finished: false }).unwrap();
+    let endpoints = first.endpoints.clone();
+    let agents = [0, 1].map(|phone| {
+        let config = agent_config(&plan, phone, &endpoints).unwrap();
+        let spool = Some(folder.path().join("spool"));
+        start_agent(AgentConfig { kept_messages: 20, spool, speed: Speed::Times(50.0), ..config })
+    });
+    wait_for_fused(&first, &plan, 100);
+    first.end().unwrap();
+    let second = Hub::start_at(&plan, Course::Live { until_finished: true }, &endpoints[0]).unwrap();
+    for agent in agents {
+        agent.join().unwrap().unwrap();
+    }
+    let report = second.join().unwrap();
+    for (phone, name) in ["SIM1", "SIM2"].into_iter().enumerate() {
+        assert_eq!(report.phones[name].epochs, messages(&plan, phone).len() as u64);
+        assert_eq!(report.lost[name], 0);
+    }
+    let undisturbed = Hub::start(&plan, Course::Live { until_finished: true }).unwrap();
+    let endpoints = undisturbed.endpoints.clone();
+    let agents = [0, 1].map(|phone| start_agent(agent_config(&plan, phone, &endpoints).unwrap()));
+    for agent in agents {
+        agent.join().unwrap().unwrap();
+    }
+    let undisturbed = undisturbed.join().unwrap();
+    assert_eq!(undisturbed.json().unwrap(), report.json().unwrap());
+}

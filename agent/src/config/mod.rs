@@ -14,7 +14,8 @@ use cofix_common::orbit::Products;
 use cofix_common::pipeline::PipelineOptions;
 use cofix_common::time::GpsTime;
 
-use crate::input::LiveSource;
+use crate::clock;
+use crate::input::{LiveSource, RawFiles};
 use crate::publication::UNANSWERED;
 use crate::publication::secured::Credentials;
 
@@ -56,6 +57,10 @@ pub struct AgentConfig {
     pub hub_in_process: bool,
     /// Number of the last messages that are kept for a hub that starts late or loses its connection.
     pub kept_messages: usize,
+    /// Folder in which all epochs are kept, for a hub that is out of reach for longer than these.
+    pub spool: Option<PathBuf>,
+    /// Largest size of the spool, bytes.
+    pub spool_bytes: u64,
 }
 
 impl AgentConfig {
@@ -63,6 +68,9 @@ impl AgentConfig {
     pub const PATIENCE: Duration = Duration::from_secs(10);
     /// Default of [`AgentConfig::kept_messages`]: an hour at 1 Hz, about 30 MB.
     pub const KEPT_MESSAGES: usize = 3_600;
+
+    /// Default of [`AgentConfig::spool_bytes`]: some days at 1 Hz.
+    pub const SPOOL_BYTES: u64 = 1_000_000_000;
 
     /// The default configuration: maximum speed, no products, and no endpoint of a hub.
     pub fn new(group: &str, phone: &str, source: Source) -> Self {
@@ -81,7 +89,16 @@ impl AgentConfig {
             patience: Self::PATIENCE,
             hub_in_process: false,
             kept_messages: Self::KEPT_MESSAGES,
+            spool: None,
+            spool_bytes: Self::SPOOL_BYTES,
         }
+    }
+
+    /// Where raw input is kept, by phone and GPS time of now.
+    pub(crate) fn raw_files(&self) -> Option<RawFiles> {
+        let time = clock::now().iso().replace(['-', ':'], "");
+        let stem = self.spool.as_ref()?.join(format!("{}-{time}", self.phone));
+        Some(RawFiles { stem, limit_bytes: self.spool_bytes })
     }
 
     /// Longest wait for a hub that takes no message in; then the connection counts as lost, and is opened again.

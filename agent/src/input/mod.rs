@@ -5,6 +5,7 @@
 mod connection;
 mod file;
 mod follow;
+mod kept;
 mod listen;
 pub mod ntrip;
 mod pipe;
@@ -23,6 +24,8 @@ use crate::Stop;
 pub use connection::{Backoff, Connected, Dial, DialError};
 pub use file::Recorded;
 pub use follow::Followed;
+pub(crate) use kept::Kept;
+pub use kept::RawFiles;
 pub use listen::{IDLE, Port, TcpListening, Transport, UdpListening};
 pub use pipe::Piped;
 pub use tls::{Trust, TrustError};

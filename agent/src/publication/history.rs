@@ -15,6 +15,7 @@ use zenoh::session::EntityGlobalId;
 use zenoh::{Session, Wait};
 
 use crate::publication::link;
+use crate::publication::spool::Spool;
 
 /// Most questions that wait for the thread that answers. Further ones are not answered; the hub repeats them.
 const WAITING_QUESTIONS: usize = 8;
@@ -32,11 +33,13 @@ pub(crate) struct Ring {
     /// With sequence numbers, in ascending order.
     epochs: VecDeque<(u64, ZBytes)>,
     statuses: VecDeque<ZBytes>,
+    /// All epochs, on disk.
+    spool: Option<Spool>,
 }
 
 impl Ring {
-    fn new(limit: usize) -> Self {
-        Self { limit: limit.max(1), next: 0, epochs: VecDeque::new(), statuses: VecDeque::new() }
+    fn new(limit: usize, spool: Option<Spool>) -> Self {
+        Self { limit: limit.max(1), next: 0, epochs: VecDeque::new(), statuses: VecDeque::new(), spool }
     }
 
     /// Keeps an epoch, and forgets the oldest beyond the limit. One whose number is not higher than the last one's is not kept.
@@ -45,6 +48,11 @@ impl Ring {
             return;
         }
         self.next = sequence.saturating_add(1);
+        let spooled = self.spool.as_mut().map(|spool| spool.append(sequence, &bytes.to_bytes()));
+        if let Some(Err(error)) = spooled {
+            tracing::error!("the spool ends: {error}; the last {} epochs are kept in memory", self.limit);
+            self.spool = None;
+        }
         if self.epochs.len() >= self.limit {
             self.epochs.pop_front();
         }
@@ -61,13 +69,22 @@ impl Ring {
 
     /// The answer to a question for the epochs from sequence number `from` to before `to`.
     fn answer(&self, phone: &str, from: u64, to: u64) -> Result<Vec<ZBytes>, WireError> {
-        let first = self.epochs.front().map_or(self.next, |(sequence, _)| *sequence);
+        let in_memory = self.epochs.front().map_or(self.next, |(sequence, _)| *sequence);
+        let on_disk = self.spool.as_ref().and_then(Spool::first);
+        let first = on_disk.map_or(in_memory, |first| first.min(in_memory));
         let kept = KeptMessage { phone: phone.to_owned(), first, next: self.next };
         let start = self.epochs.partition_point(|(sequence, _)| *sequence < from);
         let asked = self.epochs.iter().skip(start).take_while(|(sequence, _)| *sequence < to);
         let mut answer = vec![ZBytes::from(encode(&kept)?)];
         answer.extend(self.statuses.iter().cloned());
-        answer.extend(asked.take(MAXIMUM_ANSWER).map(|(_, bytes)| bytes.clone()));
+        let spooled = self.spool.as_ref().map(|spool| spool.read(from, to.min(in_memory), MAXIMUM_ANSWER));
+        let spooled = spooled.unwrap_or_else(|| Ok(Vec::new())).unwrap_or_else(|error| {
+            tracing::error!("{error}");
+            Vec::new()
+        });
+        let room = MAXIMUM_ANSWER - spooled.len();
+        answer.extend(spooled.into_iter().map(ZBytes::from));
+        answer.extend(asked.take(room).map(|(_, bytes)| bytes.clone()));
         Ok(answer)
     }
 }
@@ -89,9 +106,14 @@ pub(crate) struct Address {
 }
 
 impl History {
-    /// Declares it on a session; `limit` epochs are kept.
-    pub(crate) fn declare(session: &Session, address: Address, limit: usize) -> zenoh::Result<Self> {
-        let ring = Arc::new(Mutex::new(Ring::new(limit)));
+    /// Declares it on a session; `limit` epochs are kept in memory.
+    pub(crate) fn declare(
+        session: &Session,
+        address: Address,
+        limit: usize,
+        spool: Option<Spool>,
+    ) -> zenoh::Result<Self> {
+        let ring = Arc::new(Mutex::new(Ring::new(limit, spool)));
         let (sender, questions) = sync_channel(WAITING_QUESTIONS);
         let key = address.key.clone();
         let answers = Arc::clone(&ring);
@@ -151,7 +173,7 @@ mod tests {
     use super::*;
 
     fn ring(limit: usize, sequences: impl IntoIterator<Item = u64>) -> Ring {
-        let mut ring = Ring::new(limit);
+        let mut ring = Ring::new(limit, None);
         for sequence in sequences {
             ring.keep_epoch(sequence, ZBytes::from(sequence.to_string()));
         }
@@ -174,6 +196,19 @@ mod tests {
         assert_eq!(answer(&ring, 0, 0), (2, 5, vec![]));
         assert_eq!(answer(&ring, 4, 2), (2, 5, vec![]));
         assert_eq!(answer(&ring, u64::MAX, u64::MAX), (2, 5, vec![]));
+    }
+
+    #[test]
+    fn what_memory_does_not_keep_comes_from_the_spool() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut ring = Ring::new(3, Some(Spool::create(folder.path(), "p", 1_000_000).unwrap()));
+        (0..10).for_each(|sequence: u64| ring.keep_epoch(sequence, ZBytes::from(sequence.to_string())));
+        let expected =
+            |range: std::ops::Range<u64>| range.map(|sequence| sequence.to_string()).collect::<Vec<_>>();
+        assert_eq!(answer(&ring, 0, 100), (0, 10, expected(0..10)));
+        assert_eq!(answer(&ring, 2, 5), (0, 10, expected(2..5)));
+        assert_eq!(answer(&ring, 6, 9), (0, 10, expected(6..9)));
+        assert_eq!(answer(&ring, 8, 9), (0, 10, expected(8..9)));
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! The messages of an agent on Zenoh, without loss.
 //!
 //! - The first epoch waits until a hub listens.
-//! - The last messages are kept, so that a hub that starts late, restarts or loses its connection can ask for those it missed.
+//! - The last messages are kept, so that a hub that starts late, restarts or loses its connection can ask for those it missed; with a spool all
+//!   are kept, on disk.
 //! - Samples carry the id of the agent's Zenoh session, which tells one run of an agent from the next.
 //! - At the end the agent asks the hub how many epochs it has, and stays until the hub has all.
 
@@ -13,8 +14,10 @@ pub(crate) mod pace;
 pub mod rate;
 mod receipt;
 pub mod secured;
+mod spool;
 
 use std::cell::Cell;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use cofix_common::time::GpsTime;
@@ -37,6 +40,7 @@ use history::{Address, History};
 use rate::{AGENT_AT_ONCE, AGENT_PER_S, Allowance};
 use receipt::ReceiptWait;
 pub(crate) use receipt::UNANSWERED;
+use spool::Spool;
 
 /// How often a wait for an answer checks whether to go on.
 const LOOK: Duration = Duration::from_millis(200);
@@ -74,6 +78,14 @@ pub enum PublicationError {
         "the hub's receipt cannot be read: {0} (this agent speaks wire version {WIRE_VERSION}; receipts of version 1 are text)"
     )]
     Receipt(WireError),
+    /// The spool cannot be begun.
+    #[error("{}: the spool cannot be begun: {cause}", folder.display())]
+    Spool {
+        /// Its folder.
+        folder: PathBuf,
+        /// Why.
+        cause: std::io::Error,
+    },
     /// No hub subscribes.
     #[error(
         "connected, but no hub listens for group '{group}' within {waited_s:.0} s: does it run this group, and is this phone enrolled there still, if phones are?"
@@ -118,7 +130,13 @@ impl Publication {
         let epochs = declare(&session, epoch_key(group, phone)?)?;
         let status = declare(&session, status_key(group, phone)?)?;
         let address = Address { key: history_key(group, phone)?, phone: phone.clone(), source: epochs.id() };
-        let history = History::declare(&session, address, agent.kept_messages).map_err(zenoh_error)?;
+        let name = format!("{phone}-{}", session.zid());
+        let spool = agent.spool.as_ref().map(|folder| {
+            Spool::create(folder, &name, agent.spool_bytes)
+                .map_err(|cause| PublicationError::Spool { folder: folder.clone(), cause })
+        });
+        let history = History::declare(&session, address, agent.kept_messages, spool.transpose()?)
+            .map_err(zenoh_error)?;
         // Last: whoever sees the token may ask for the history.
         let alive =
             session.liveliness().declare_token(liveliness_key(group, phone)?).wait().map_err(zenoh_error)?;

@@ -23,7 +23,7 @@ use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
 use crate::input::ntrip::RoverPosition;
-use crate::input::{LiveSource, Recorded};
+use crate::input::{Bytes, Kept, LiveSource, RawFiles, Recorded};
 use crate::{Source, Stop, clock};
 
 use dating::Dated;
@@ -44,6 +44,8 @@ pub struct Reading {
     pub log: gnsslogger::Options,
     /// Dates of a stream of RTCM 3, from an earlier reading of the same file.
     pub dates: Option<StreamDates>,
+    /// Where the bytes of a live source are kept as they come.
+    pub raw: Option<RawFiles>,
 }
 
 /// The result of a first reading of a recorded source.
@@ -85,7 +87,7 @@ impl<'a> Opened<'a> {
                 Ok(Self::stream(path.display().to_string(), Some(path), open_file(path, &reading)?))
             }
             Source::Live { from, near } => {
-                let records = open_live(from, *near, rover)?.with_log_options(reading.log.clone());
+                let records = open_live(from, *near, rover, reading)?.with_log_options(reading.log.clone());
                 Ok(Self::stream(from.to_string(), None, records))
             }
         }
@@ -164,8 +166,13 @@ fn open_live(
     live: &LiveSource,
     near: Option<GpsTime>,
     rover: &RoverPosition,
+    reading: &Reading,
 ) -> Result<Records, SourceError> {
     let bytes = live.open_near(rover).map_err(|cause| SourceError::Live { name: live.to_string(), cause })?;
+    let bytes: Box<dyn Bytes> = match reading.raw.clone() {
+        Some(files) => Box::new(Kept::new(bytes, files)),
+        None => bytes,
+    };
     Ok(Records::new(bytes, near.unwrap_or_else(clock::now)))
 }
 

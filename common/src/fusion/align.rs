@@ -121,6 +121,8 @@ pub struct Aligner {
     fused_before_gps: Option<GpsTime>,
     /// Notices for the user since the last call of [`Aligner::notices`].
     notices: Vec<Notice>,
+    /// Messages whose time was fused already, since the last call of [`Aligner::take_late`].
+    late: Vec<(usize, EpochMessage)>,
     went_back: bool,
 }
 
@@ -153,6 +155,7 @@ impl Aligner {
             fused: VecDeque::new(),
             fused_before_gps: None,
             notices: Vec::new(),
+            late: Vec::new(),
             went_back: false,
         }
     }
@@ -226,6 +229,11 @@ impl Aligner {
         }
     }
 
+    /// The messages, with their phones, that came after their time was fused, since the last call. They are counted as dropped.
+    pub fn take_late(&mut self) -> Vec<(usize, EpochMessage)> {
+        std::mem::take(&mut self.late)
+    }
+
     /// Counts of dropped messages of a phone by reason.
     pub fn skips(&self, phone: usize) -> Option<&Skips> {
         self.tracks.get(phone).map(|track| &track.skips)
@@ -264,8 +272,13 @@ impl Aligner {
         let Some(track) = self.tracks.get_mut(phone) else { return };
         match track.accept(waiting, &options, fused_to_gps, too_late) {
             Accepted::Queued => self.mark_running(phone),
-            Accepted::TooLate if self.live && self.is_in_time(time, now) => self.mark_running(phone),
-            Accepted::TooLate | Accepted::Refused => {}
+            Accepted::TooLate(message) => {
+                self.late.push((phone, *message));
+                if self.live && self.is_in_time(time, now) {
+                    self.mark_running(phone);
+                }
+            }
+            Accepted::Refused => {}
         }
     }
 

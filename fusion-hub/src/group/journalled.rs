@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::time::GpsTime;
 
 use super::Group;
@@ -75,12 +76,27 @@ impl Group {
         });
     }
 
+    pub(super) fn note_fused(&mut self, epoch: &FusedEpoch) {
+        self.note(|journal| journal.fused(epoch));
+    }
+
+    /// Closes the journal: the session is over.
+    pub(super) fn close_journal(&mut self) {
+        if let Some(Err(error)) = self.journal.take().map(Journal::finish) {
+            self.note_failure(&error);
+        }
+    }
+
     /// A journal that cannot be written ends; the group goes on.
     fn note(&mut self, write: impl FnOnce(&mut Journal) -> anyhow::Result<()>) {
         if let Some(Err(error)) = self.journal.as_mut().map(write) {
-            tracing::error!("{error:#}; the group goes on without its journal");
-            self.journal_failure = Some(format!("{error:#}"));
+            self.note_failure(&error);
             self.journal = None;
         }
+    }
+
+    fn note_failure(&mut self, error: &anyhow::Error) {
+        tracing::error!("{error:#}; the group goes on without its journal");
+        self.journal_failure = Some(format!("{error:#}"));
     }
 }

@@ -1,11 +1,27 @@
 //! Published epochs that the hub did not fuse.
 
+use std::collections::BTreeMap;
+
 use cofix_common::fusion::align::LOSSES;
 use cofix_common::skips::Reason;
 
 use super::Group;
 
+/// Reasons of losses for which an epoch was not even scored.
+const UNSCORED: [Reason; 2] = [Reason::EpochWentBack, Reason::TooManyEpochsWait];
+
 impl Group {
+    /// By phone, how many published epochs were neither fused nor scored.
+    pub(super) fn lost(&self) -> BTreeMap<String, u64> {
+        let lost = |(phone, name): (usize, &String)| {
+            let skips = self.parts.aligner.skips(phone);
+            let unscored = UNSCORED.map(|reason| skips.map_or(0, |skips| skips.count(reason)));
+            let lost = unscored.iter().fold(self.intake.lost(phone), |sum, count| sum.saturating_add(*count));
+            (name.clone(), lost)
+        };
+        self.parts.phones.iter().enumerate().map(lost).collect()
+    }
+
     /// How many published epochs were not fused, by phone and reason; `None` when all were.
     pub fn losses(&self) -> Option<String> {
         let (mut lost, mut phones) = (0, Vec::new());

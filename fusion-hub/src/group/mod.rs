@@ -1,8 +1,10 @@
 //! One group at work: events in, fused epochs out, on one thread.
 
+mod in_order;
 mod journalled;
 mod losses;
 mod missing;
+mod screened;
 mod steady;
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -142,6 +144,7 @@ impl Group {
                 Err(RecvTimeoutError::Disconnected) => break,
             };
             let batch: Vec<Event> = first.into_iter().chain(events.try_iter().take(BATCH)).collect();
+            let batch = self.screen(batch);
             let (now, wall_gps) = (clock.tick(), clock::now());
             self.note_step(&batch, now, wall_gps);
             let unused = std::mem::take(&mut self.unused);
@@ -150,9 +153,11 @@ impl Group {
         if stop.is_requested() && self.parts.course == Course::Replay {
             bail!("stopped before the end of the session");
         }
-        let last: Vec<Event> = events.try_iter().take(LAST_EVENTS).collect();
+        let last = self.screen(events.try_iter().take(LAST_EVENTS).collect());
         self.note_end(&last);
-        self.end(last)
+        let ended = self.end(last);
+        self.close_journal();
+        ended
     }
 
     /// Handles the last events, and ends.
@@ -166,6 +171,7 @@ impl Group {
             self.align(phone);
             self.parts.aligner.finish(phone);
         }
+        self.score_late();
         self.fuse_ready();
         Ok(())
     }
@@ -234,7 +240,8 @@ impl Group {
         let mut skips = self.intake.skips().clone();
         skips.merge(self.parts.engine.skips());
         let phones = self.parts.outputs.tally.phones(|phone| self.phone_skips(phone));
-        let report = Report { group: self.parts.name.clone(), phones, skips, ..self.parts.outputs.report() };
+        let (group, lost) = (self.parts.name.clone(), self.lost());
+        let report = Report { group, lost, phones, skips, ..self.parts.outputs.report() };
         (report, &mut self.parts.outputs)
     }
 
@@ -293,6 +300,7 @@ impl Group {
                     tracing::warn!("{}: sends more than a phone may; the rest is not let in", tamed(&phone));
                 }
             }
+            Event::Refused { phone, skips } => self.intake.refuse(phone.as_deref(), &skips),
             Event::AgentEnded { phone, outcome: Err(error) } => bail!("{phone}: {error}"),
             Event::AgentEnded { .. } => {}
         }
@@ -328,6 +336,14 @@ impl Group {
         while let Some(message) = self.intake.next_ready(phone) {
             self.parts.aligner.push(phone, message, self.now);
         }
+        self.score_late();
+    }
+
+    /// Epochs that came after their time was fused: what their agents made of them counts all the same.
+    fn score_late(&mut self) {
+        for (phone, message) in self.parts.aligner.take_late() {
+            self.parts.outputs.late(phone, &message);
+        }
     }
 
     fn status(&mut self, arrival: &Arrival) {
@@ -362,11 +378,7 @@ impl Group {
     }
 
     fn alive(&mut self, phone: &str, alive: bool) {
-        let Some(index) = self.intake.index(phone) else {
-            let phone = tamed(phone);
-            tracing::warn!("an agent for '{phone}' is here, but the session does not name that phone");
-            return;
-        };
+        let Some(index) = self.intake.index(phone) else { return };
         self.note_alive(phone, alive);
         tracing::info!("{phone}: agent {}", if alive { "is here" } else { "is gone" });
         if alive {
@@ -391,7 +403,9 @@ impl Group {
 
     fn fuse_ready(&mut self) {
         while let Some(bucket) = self.parts.aligner.pop_ready() {
-            self.parts.outputs.push(&self.parts.engine.step(bucket));
+            let fused = self.parts.engine.step(bucket);
+            self.parts.outputs.push(&fused);
+            self.note_fused(&fused);
         }
     }
 

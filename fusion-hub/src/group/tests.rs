@@ -115,6 +115,8 @@ fn history_that_comes_slowly_holds_up_neither_the_group_nor_its_phone() {
         assert!(bench.fused("b") >= 34, "answers {answers}: {}", bench.fused("b"));
         let losses = bench.group.losses().unwrap();
         assert!(losses.contains("b: ") && losses.contains("× published epochs did not arrive"), "{losses}");
+        let lost = bench.group.report().0.lost;
+        assert!(lost["a"] == 0 && lost["b"] > 0, "{lost:?}");
     }
 }
 
@@ -193,4 +195,60 @@ fn a_slow_link_makes_losses_that_are_told() {
     let late = sent - fused;
     let losses = bench.group.losses().unwrap();
     assert_eq!(losses, format!("{late} published epochs were not fused (b: {late} × epoch too late)"));
+    let lost = bench.group.report().0.lost;
+    assert_eq!((lost["a"], lost["b"]), (0, 0), "they were scored");
+}
+
+#[test]
+fn what_an_agent_states_and_does_not_send_is_lost_at_the_end() {
+    let mut bench = Bench::new();
+    bench.go(3, |_| {});
+    let kept = KeptMessage { phone: "b".to_owned(), first: 0, next: 7 };
+    bench.events.push(Event::History(arrival("b", encode(&kept).unwrap())));
+    bench.step();
+    bench.group.end(Vec::new()).unwrap();
+    let lost = bench.group.report().0.lost;
+    assert_eq!((lost["a"], lost["b"]), (0, 7));
+    assert!(bench.group.losses().unwrap().contains("b: 7 × published epochs did not arrive"));
+}
+
+/// Floods of garbage, of strangers and of what is there already come to counts, by reason and with the first instance, and to nothing else.
+#[test]
+fn what_is_refused_is_counted_and_not_kept() {
+    let mut bench = Bench::new();
+    bench.go(3, |_| {});
+    let flood = |round: u64| {
+        (0..100)
+            .flat_map(|_| [0, 1, 2, 3])
+            .map(move |kind| match kind {
+                0 => Event::Epoch(arrival("a", vec![7; 2_000])),
+                1 => Event::Status(arrival("a stranger", vec![7; 2_000])),
+                2 => Event::Epoch(arrival("a", epoch_bytes("a", 1, 1.0))),
+                _ => Event::Alive { phone: "a stranger".to_owned(), alive: true },
+            })
+            .chain([Event::Epoch(arrival("b", epoch_bytes("b", round - 1, 2.0 + round as f64)))])
+    };
+    let described = |events: &[Event]| -> usize {
+        let refused = events.iter().filter_map(|event| match event {
+            Event::Refused { skips, .. } => Some(skips),
+            _ => None,
+        });
+        refused.flat_map(Skips::iter).map(|(_, skip)| skip.first.len()).sum()
+    };
+    for round in 1..=2_u64 {
+        let events = bench.group.screen(flood(round).collect());
+        assert!(matches!(
+            events[..],
+            [Event::Epoch(_), Event::Refused { phone: None, .. }, Event::Refused { .. }]
+        ));
+        assert_eq!(described(&events) > 0, round == 1, "what is known is not told again");
+        bench.events = events;
+        bench.step();
+        let report = bench.group.report().0;
+        assert_eq!(report.skips.count(Reason::PhoneUnknown), 100 * round);
+        let of_a = &report.phones["a"].skips;
+        assert_eq!(of_a.count(Reason::MessageUnreadable), 100 * round);
+        assert_eq!(of_a.count(Reason::MessageReceivedTwice), 100 * round);
+        assert!(of_a.get(Reason::MessageReceivedTwice).unwrap().first.contains("sequence 1"));
+    }
 }

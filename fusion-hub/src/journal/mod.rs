@@ -4,7 +4,7 @@
 //! # Files
 //!
 //! Segments in the container format MCAP (<https://mcap.dev>): chunks with a CRC, compressed, written out at least every second. The first has
-//! the journal's name, `drive.mcap`; a new one, `drive.2.mcap` and so on, is begun after 256 MB, and by every hub that goes on. A segment of a
+//! the journal's name, `drive.mcap`; a new one, `drive.2.mcap` and so on, is begun after 256 MB (an option), and by every hub that goes on. A segment of a
 //! hub that was killed ends without an end mark, perhaps within a chunk; that chunk is left out and told.
 //!
 //! # Records
@@ -14,14 +14,20 @@
 //! | `cofix.epoch`, `cofix.status`, `cofix.history` | key of the message | the message as it came; the sequence number is that of its sender |
 //! | `cofix.answered` | key of the question | nothing; the sequence number is that of the run's sender |
 //! | `cofix.alive` | key of the token | 1: an agent is there; 0: it is gone |
-//! | `cofix.foreign` | `cofix/<group>/foreign` | what is of no phone of the group: postcard of kind, phone, sender, bytes |
+//! | `cofix.refused` | `cofix/<group>/refused` | what was refused, not as it came but as counts by reason, with the first instance of each: postcard of phone (none: of no phone of the group) and counts |
 //! | `cofix.sender` | `cofix/<group>/sender` | the id of a sender; its number is the record's sequence number, from 1 (0: no sender) |
 //! | `cofix.step` | `cofix/<group>/step` | the hub's steady clock, ns (u64), and GPS time by its computer's clock, ns (i64), little endian: everything before is used now |
 //! | `cofix.resumed` | `cofix/<group>/step` | nothing: another hub goes on from here |
 //! | `cofix.ended` | `cofix/<group>/step` | nothing: everything before is used, and the session ends |
+//! | `foxglove.LocationFix` | `cofix/<group>/fused/<phone>` | a fused position with its covariance, for maps; nothing else reads it |
+//!
+//! Fused positions are written after the step that gave them, and a hub that goes on does not write those again that come of doing the journal
+//! again. So no position stands twice; those of the last second before a kill may be missing.
 //!
 //! The metadata record `cofix` of each segment has group, phones, latency, wire version and program; the session file is attached to the first.
 
+mod fix;
+mod place;
 mod reader;
 mod writer;
 
@@ -33,6 +39,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::network::Event;
 
+pub use fix::{CovarianceType, LocationFix};
+pub use place::{has_ended, in_use, of_group, segments};
 pub use reader::{JournalReader, Origin};
 pub use writer::Journal;
 
@@ -83,7 +91,7 @@ enum Kind {
     Answered,
     Alive,
     Shed,
-    Foreign,
+    Refused,
     Sender,
     Step,
     Resumed,
@@ -98,7 +106,7 @@ impl Kind {
         Self::Answered,
         Self::Alive,
         Self::Shed,
-        Self::Foreign,
+        Self::Refused,
         Self::Sender,
         Self::Step,
         Self::Resumed,
@@ -113,7 +121,7 @@ impl Kind {
             Self::Answered => "cofix.answered",
             Self::Alive => "cofix.alive",
             Self::Shed => "cofix.shed",
-            Self::Foreign => "cofix.foreign",
+            Self::Refused => "cofix.refused",
             Self::Sender => "cofix.sender",
             Self::Step => "cofix.step",
             Self::Resumed => "cofix.resumed",
@@ -124,15 +132,6 @@ impl Kind {
     fn of_schema(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.schema() == name)
     }
-}
-
-/// An event of a phone outside the group.
-#[derive(Debug, Serialize, Deserialize)]
-struct Foreign {
-    kind: Kind,
-    phone: String,
-    sender: Option<String>,
-    bytes: Vec<u8>,
 }
 
 /// The file of a segment: `drive.mcap`, `drive.2.mcap`, …

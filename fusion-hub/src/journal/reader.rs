@@ -12,7 +12,7 @@ use cofix_common::wire::{MAXIMUM_MESSAGE_BYTES, WIRE_VERSION};
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use super::{Entry, Foreign, Header, Kind, NAME, SESSION, segment};
+use super::{Entry, Header, Kind, NAME, SESSION, segment};
 use crate::network::Event;
 use crate::network::intake::Arrival;
 
@@ -100,11 +100,6 @@ impl JournalReader {
     /// Where segments ended before their end mark, and what is wrong in them.
     pub fn damages(&self) -> &[String] {
         &self.damages
-    }
-
-    /// Reads to the end. Returns whether the session came to its end.
-    pub fn has_ended(&mut self) -> bool {
-        self.by_ref().any(|entry| matches!(entry, Entry::Ended))
     }
 
     fn read_next(&mut self) -> Option<Entry> {
@@ -256,10 +251,9 @@ fn said(
         }
         Kind::Resumed => Entry::Resumed,
         Kind::Ended => Entry::Ended,
-        Kind::Foreign => {
-            let Foreign { kind, phone, sender, bytes } =
-                postcard::from_bytes(data).context("an event of a foreign phone")?;
-            Entry::Event(event(kind, phone, sender, bytes)?)
+        Kind::Refused => {
+            let (phone, skips) = postcard::from_bytes(data).context("what was refused")?;
+            Entry::Event(Event::Refused { phone, skips })
         }
         _ => Entry::Event(event(
             kind,

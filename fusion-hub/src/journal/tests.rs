@@ -1,6 +1,11 @@
 use std::io::{Seek, SeekFrom, Write};
 
+use cofix_common::filter::PhoneState;
+use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::wire::encode;
+use nalgebra::{SMatrix, SVector};
+use prost::Message as _;
 
 use super::*;
 use crate::network::intake::Arrival;
@@ -25,7 +30,13 @@ fn epoch(phone: &str, sender: Option<&str>, sequence: u64) -> Event {
     Event::Epoch(Arrival { phone: phone.to_owned(), sender: sender.map(str::to_owned), bytes })
 }
 
-/// Events of all kinds, also of a phone outside the group and without a sender.
+fn refused(phone: Option<&str>, reason: Reason) -> Event {
+    let mut skips = Skips::default();
+    skips.add(reason, || "the first".to_owned());
+    Event::Refused { phone: phone.map(str::to_owned), skips }
+}
+
+/// Events of all kinds, also of no phone of the group and without a sender.
 fn events() -> Vec<Event> {
     let arrival = |phone: &str, bytes: &[u8]| Arrival {
         phone: phone.to_owned(),
@@ -37,12 +48,12 @@ fn events() -> Vec<Event> {
         epoch("a", Some("x"), 0),
         epoch("b", Some("y"), 0),
         epoch("a", None, 1),
-        epoch("stranger", Some("z"), 2),
+        refused(Some("b"), Reason::MessageUnreadable),
+        refused(None, Reason::PhoneUnknown),
         Event::Status(arrival("a", b"status")),
         Event::History(arrival("b", b"")),
         Event::Answered { phone: "a".to_owned(), sender: "x".to_owned() },
         Event::Shed { phone: "a".to_owned(), count: 70_000 },
-        Event::Alive { phone: "stranger".to_owned(), alive: false },
     ]
 }
 
@@ -71,6 +82,7 @@ fn what_is_written_is_read() {
     write(&mut journal, 1);
     write(&mut journal, 2);
     journal.end().unwrap();
+    journal.finish().unwrap();
     let mut reader = JournalReader::open(&path).unwrap();
     let origin = Origin { header: header(), session: Some("group = 'g'".to_owned()) };
     assert_eq!(*reader.origin().unwrap(), origin);
@@ -78,6 +90,36 @@ fn what_is_written_is_read() {
     assert_eq!(found, [expected(1), expected(2), vec!["Ended".to_owned()]].concat());
     assert_eq!((reader.segments(), reader.damages()), (1, &[][..]));
     assert!(Journal::create(&path, header(), "", at(0.0)).is_err(), "never replaced");
+}
+
+#[test]
+fn fused_positions_stand_beside_and_are_not_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let mut journal = Journal::create(&path, header(), "", at(0.0)).unwrap();
+    write(&mut journal, 1);
+    let state = PhoneState { mean: SVector::repeat(3e6), covariance: SMatrix::identity() };
+    let fused = FusedPhone { state: Some(state), ..FusedPhone::default() };
+    let phones = vec![FusedPhone::default(), fused];
+    journal.fused(&FusedEpoch { time_gps: at(0.5), phones, ..fused_epoch() }).unwrap();
+    journal.end().unwrap();
+    journal.finish().unwrap();
+    assert_eq!(text(JournalReader::open(&path).unwrap()), [expected(1), vec!["Ended".to_owned()]].concat());
+    let bytes = std::fs::read(&path).unwrap();
+    let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+    let is_fix = |message: &mcap::Message<'_>| message.channel.topic == "cofix/g/fused/b";
+    let fixes: Vec<_> = messages.filter(is_fix).collect();
+    let [fix] = fixes.as_slice() else { panic!("{fixes:?}") };
+    let schema = fix.channel.schema.as_ref().unwrap();
+    assert_eq!((schema.name.as_str(), schema.encoding.as_str()), ("foxglove.LocationFix", "protobuf"));
+    let decoded = LocationFix::decode(&*fix.data).unwrap();
+    assert_eq!((decoded.frame_id.as_str(), decoded.position_covariance.len()), ("b", 9));
+    assert_eq!(i64::try_from(fix.publish_time).unwrap(), at(0.5).as_unix_calendar_nanos());
+}
+
+fn fused_epoch() -> FusedEpoch {
+    let (actions, distances, events) = Default::default();
+    FusedEpoch { time_gps: at(0.0), phones: Vec::new(), actions, distances, events }
 }
 
 #[test]
@@ -90,6 +132,7 @@ fn segments_follow_each_other() {
     let mut journal = Journal::go_on(&path, header(), 4, at(9.0)).unwrap();
     write(&mut journal, 9);
     journal.end().unwrap();
+    journal.finish().unwrap();
     let files = (1..=5).map(|number| segment(Path::new("drive.mcap"), number).display().to_string());
     let mut files: Vec<String> = files.collect();
     files.sort_unstable();

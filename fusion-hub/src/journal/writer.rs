@@ -7,19 +7,22 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::time::GpsTime;
-use cofix_common::wire::{WIRE_VERSION, epoch_key, history_key, liveliness_key, status_key};
+use cofix_common::wire::{WIRE_VERSION, epoch_key, fused_key, history_key, liveliness_key, status_key};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions, Writer};
+use prost::Message as _;
 
-use super::{Foreign, Header, Kind, NAME, SESSION, segment};
+use super::fix::{self, LocationFix};
+use super::{Header, Kind, NAME, SESSION, segment};
 use crate::network::Event;
 use crate::network::intake::Arrival;
 
 /// Longest time that a record waits to be written.
 const FLUSH: Duration = Duration::from_secs(1);
-/// Size of the data after which a new segment is begun, bytes.
-const SEGMENT_BYTES: u64 = 256_000_000;
+/// Size of the data after which a new segment is begun unless told otherwise, bytes.
+pub const SEGMENT_BYTES: u64 = 256_000_000;
 
 /// A journal in progress.
 pub struct Journal {
@@ -41,6 +44,8 @@ struct Segment {
     writer: Writer<BufWriter<File>>,
     /// Channels by kind and phone.
     channels: BTreeMap<(Kind, usize), u16>,
+    /// Channels of fused positions by phone.
+    fixes: BTreeMap<usize, u16>,
     bytes: u64,
 }
 
@@ -91,9 +96,8 @@ impl Journal {
         })
     }
 
-    /// With another size of segments than 256 MB.
-    #[cfg(test)]
-    pub(super) fn with_segments_of(self, limit_bytes: u64) -> Self {
+    /// With another size of segments than [`SEGMENT_BYTES`].
+    pub fn with_segments_of(self, limit_bytes: u64) -> Self {
         Self { limit_bytes, ..self }
     }
 
@@ -109,6 +113,9 @@ impl Journal {
             Event::Answered { phone, sender } => self.of(Kind::Answered, phone, Some(sender), &[]),
             Event::Alive { phone, alive } => self.of(Kind::Alive, phone, None, &[u8::from(*alive)]),
             Event::Shed { phone, count } => self.of(Kind::Shed, phone, None, &count.to_le_bytes()),
+            Event::Refused { phone, skips } => {
+                self.put(Kind::Refused, OF_NO_PHONE, 0, &postcard::to_stdvec(&(phone, skips))?)
+            }
             Event::AgentEnded { .. } => Ok(()),
         }
     }
@@ -131,12 +138,36 @@ impl Journal {
         Ok(())
     }
 
-    /// Writes that the session has ended, and finishes the file.
+    /// Writes the fused positions of an epoch.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn fused(&mut self, epoch: &FusedEpoch) -> anyhow::Result<()> {
+        let (log_time, publish_time) = (stamp(self.wall_gps), stamp(epoch.time_gps));
+        for (phone, fused) in epoch.phones.iter().enumerate() {
+            let (Some(state), Some(name)) = (&fused.state, self.header.phones.get(phone)) else { continue };
+            let data = LocationFix::of(epoch.time_gps, name, state).encode_to_vec();
+            let group = &self.header.group;
+            let written = self.segment.fix(group, (phone, name), (log_time, publish_time), &data);
+            written.with_context(|| self.context())?;
+        }
+        Ok(())
+    }
+
+    /// Writes that the session has ended. Only fused positions may follow.
     ///
     /// # Errors
     /// When it cannot be written.
     pub fn end(&mut self) -> anyhow::Result<()> {
         self.put(Kind::Ended, OF_NO_PHONE, 0, &[])?;
+        self.flush()
+    }
+
+    /// Finishes the file.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(mut self) -> anyhow::Result<()> {
         self.checked(Segment::finish)
     }
 
@@ -151,9 +182,8 @@ impl Journal {
 
     fn of(&mut self, kind: Kind, phone: &str, sender: Option<&str>, data: &[u8]) -> anyhow::Result<()> {
         let Some(index) = self.header.phones.iter().position(|name| name == phone) else {
-            let (phone, sender) = (phone.to_owned(), sender.map(str::to_owned));
-            let foreign = Foreign { kind, phone, sender, bytes: data.to_vec() };
-            return self.put(Kind::Foreign, OF_NO_PHONE, 0, &postcard::to_stdvec(&foreign)?);
+            // The group has refused it, and that is written.
+            return Ok(());
         };
         let number = sender.map_or(Ok(0), |sender| self.sender(sender))?;
         self.put(kind, index, number, data)
@@ -212,6 +242,8 @@ impl Segment {
     fn create(path: &Path, header: &Header) -> anyhow::Result<Self> {
         let context = || format!("{}: cannot begin the journal", path.display());
         let file = OpenOptions::new().write(true).create_new(true).open(path).with_context(context)?;
+        // Only tells another hub that this one writes. Where there are no locks, nothing is told.
+        let _ = file.try_lock();
         let options =
             WriteOptions::new().profile(NAME).library(concat!("cofix-hub ", env!("CARGO_PKG_VERSION")));
         let mut writer = options.create(BufWriter::new(file)).with_context(context)?;
@@ -223,7 +255,7 @@ impl Segment {
         ];
         let metadata = metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         writer.write_metadata(&Metadata { name: NAME.to_owned(), metadata }).with_context(context)?;
-        Ok(Self { writer, channels: BTreeMap::new(), bytes: 0 })
+        Ok(Self { writer, channels: BTreeMap::new(), fixes: BTreeMap::new(), bytes: 0 })
     }
 
     fn put(
@@ -240,6 +272,28 @@ impl Segment {
         Ok(())
     }
 
+    fn fix(
+        &mut self,
+        group: &str,
+        (phone, name): (usize, &str),
+        (log_time, publish_time): (u64, u64),
+        data: &[u8],
+    ) -> anyhow::Result<()> {
+        let channel_id = if let Some(channel) = self.fixes.get(&phone) {
+            *channel
+        } else {
+            let schema =
+                self.writer.add_schema(fix::SCHEMA, fix::ENCODING, &fix::descriptors().encode_to_vec())?;
+            let topic = fused_key(group, name)?;
+            let channel = self.writer.add_channel(schema, &topic, fix::ENCODING, &BTreeMap::new())?;
+            *self.fixes.entry(phone).or_insert(channel)
+        };
+        let message = MessageHeader { channel_id, sequence: 0, log_time, publish_time };
+        self.writer.write_to_known_channel(&message, data)?;
+        self.bytes += data.len() as u64;
+        Ok(())
+    }
+
     fn channel(&mut self, header: &Header, kind: Kind, phone: usize) -> anyhow::Result<u16> {
         if let Some(channel) = self.channels.get(&(kind, phone)) {
             return Ok(*channel);
@@ -250,7 +304,7 @@ impl Segment {
             (Kind::Status, Some(phone)) => status_key(group, phone)?,
             (Kind::History | Kind::Answered, Some(phone)) => history_key(group, phone)?,
             (Kind::Alive, Some(phone)) => liveliness_key(group, phone)?,
-            (Kind::Foreign, _) => format!("cofix/{group}/foreign"),
+            (Kind::Refused, _) => format!("cofix/{group}/refused"),
             (Kind::Sender, _) => format!("cofix/{group}/sender"),
             _ => format!("cofix/{group}/step"),
         };

@@ -15,6 +15,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Instant;
 
 use cofix_agent::publication::link;
+use cofix_common::skips::Skips;
 use cofix_common::wire::{
     FusedMessage, IntegrityMessage, WireMessage, all_epochs_key, all_liveliness_key, all_paces_key,
     all_receipts_key, all_status_key, encode, fused_json_key, fused_key, integrity_key, phone_of_key,
@@ -69,6 +70,13 @@ pub enum Event {
         phone: String,
         /// How many.
         count: u64,
+    },
+    /// What was refused, by reason, in place of what came.
+    Refused {
+        /// The phone; `None`: it is of no phone of the group.
+        phone: Option<String>,
+        /// How often, and the first instance of each reason.
+        skips: Skips,
     },
     /// An agent of this process ended.
     AgentEnded {

@@ -14,6 +14,7 @@ use std::path::PathBuf;
 use cofix_agent::files::Named;
 use cofix_agent::status::Moment;
 use cofix_common::fusion::engine::FusedEpoch;
+use cofix_common::wire::EpochMessage;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::network::FusedPublisher;
@@ -21,7 +22,7 @@ use crate::report::scores::Scores;
 use crate::report::{Report, SCHEMA, Tally};
 
 pub use recording::keep_partial;
-pub use sink::{Fused, Opening, Sink, Written};
+pub use sink::{Fused, Late, Opening, Sink, Written};
 use status::Status;
 
 /// The files that are written on request.
@@ -192,6 +193,14 @@ impl Outputs {
         });
         let messages = epoch.phones.iter().filter(|phone| phone.message.is_some()).count();
         self.progress.inc(messages as u64);
+    }
+
+    /// Gives an epoch of a phone that came too late to be fused to whoever takes what the agent made of it.
+    pub fn late(&mut self, phone: usize, message: &EpochMessage) {
+        self.scores.late(phone, message);
+        let truth = self.scores.truth_at(phone, message.time_gps);
+        self.each(|sink, _| sink.late(Late { phone, message, truth }));
+        self.progress.inc(1);
     }
 
     /// Ends the progress bar and all sinks; `text` goes into the recording. Returns the files that are whole.

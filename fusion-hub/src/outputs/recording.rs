@@ -10,7 +10,7 @@ use cofix_agent::files::{Named, check_absent};
 use cofix_agent::status::Moment;
 use cofix_common::recording::INCOMPLETE;
 
-use super::sink::{Fused, Opening, Sink, Written};
+use super::sink::{Fused, Late, Opening, Sink, Written};
 use crate::outputs::recorder::{Recorded, Recorder, RecorderConfig, RecorderError};
 
 /// How long an epoch of a live session waits to be written.
@@ -104,6 +104,11 @@ impl RecordingFile {
 impl Sink for RecordingFile {
     fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()> {
         Ok(self.recorder.record(fused.epoch, &fused.references())?)
+    }
+
+    fn late(&mut self, late: Late<'_>) -> anyhow::Result<()> {
+        self.recorder.record_late(&late);
+        Ok(())
     }
 
     fn tick(&mut self, _moment: Moment) -> anyhow::Result<()> {

@@ -4,8 +4,10 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use cofix_agent::status::Moment;
+use cofix_common::frames::Ecef;
 use cofix_common::fusion::engine::FusedEpoch;
 use cofix_common::skips::Skips;
+use cofix_common::wire::EpochMessage;
 
 use crate::report::scores::{Reference, Scores};
 
@@ -17,6 +19,15 @@ pub trait Sink: Send {
     /// # Errors
     /// When it cannot be written or sent.
     fn epoch(&mut self, fused: &Fused<'_>) -> anyhow::Result<()>;
+
+    /// Takes an epoch of a phone that came too late to be fused.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    fn late(&mut self, late: Late<'_>) -> anyhow::Result<()> {
+        let _ = late;
+        Ok(())
+    }
 
     /// Called about twenty times a second while the group works.
     ///
@@ -60,6 +71,17 @@ pub struct Fused<'a> {
     pub phones: &'a [String],
     /// Source of the truths.
     pub(super) scores: &'a Scores,
+}
+
+/// An epoch of a phone that came too late to be fused.
+#[derive(Clone, Copy)]
+pub struct Late<'a> {
+    /// The phone's index.
+    pub phone: usize,
+    /// What its agent sent.
+    pub message: &'a EpochMessage,
+    /// The phone's true position at the message's time, where a row of a counted quality gives it.
+    pub truth: Option<Ecef>,
 }
 
 impl Fused<'_> {

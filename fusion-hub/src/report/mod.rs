@@ -60,6 +60,8 @@ pub struct Report {
     pub epochs: u64,
     /// Epochs of the group in which more than one phone took part.
     pub common_epochs: u64,
+    /// By phone, how many published epochs were neither fused nor scored.
+    pub lost: BTreeMap<String, u64>,
     /// Counts and figures of each phone.
     pub phones: BTreeMap<String, PhoneReport>,
     /// Phones whose observations are the same.

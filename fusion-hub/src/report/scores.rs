@@ -7,6 +7,7 @@ use cofix_common::filter::PhoneState;
 use cofix_common::frames::Ecef;
 use cofix_common::fusion::engine::{FusedEpoch, FusedPhone};
 use cofix_common::time::GpsTime;
+use cofix_common::wire::EpochMessage;
 use serde::Serialize;
 
 use super::tally::extended;
@@ -105,6 +106,19 @@ impl Scores {
         }
     }
 
+    /// Adds an epoch of a phone that came too late to be fused.
+    pub fn late(&mut self, phone: usize, message: &EpochMessage) {
+        self.span = Some(extended(self.span, message.time_gps));
+        if let Some(scores) = self.phones.get_mut(phone).filter(|scores| scores.truth.is_some()) {
+            scores.push_message(message);
+        }
+    }
+
+    /// The true position of a phone at a time, where rows of a counted quality give it.
+    pub fn truth_at(&self, phone: usize, time: GpsTime) -> Option<Ecef> {
+        self.phones.get(phone)?.position_at(time, &self.qualities)
+    }
+
     /// The phones' true positions, where rows of a counted quality give them.
     pub fn references(&self, epoch: &FusedEpoch) -> Vec<Reference> {
         let reference = |(index, scores): (usize, &PhoneScores)| {
@@ -180,30 +194,32 @@ impl Scores {
 impl PhoneScores {
     fn push(&mut self, time_gps: GpsTime, phone: &FusedPhone) {
         if let Some(message) = &phone.message {
-            let time = message.time_gps;
-            self.span = Some(extended(self.span, time));
-            self.wls.extend(message.wls.as_ref().map(|solution| Solution {
-                time_gps: time,
-                position: solution.position,
-                covariance: solution.position_covariance,
-            }));
-            let raim = &message.raim;
-            self.claims.extend(
-                message.wls.as_ref().map(|wls| Claim::of(time, wls.position, raim.verdict, raim.protection)),
-            );
-            self.local.extend(message.local.as_ref().map(|state| claimed(time, state)));
-            let local = message.local.as_ref().zip(message.local_integrity);
-            self.local_claims.extend(
-                local.map(|(state, report)| {
-                    Claim::of(time, state.position(), report.verdict, report.protection)
-                }),
-            );
+            self.push_message(message);
         }
         let fused = phone.state.as_ref().zip(phone.verdict);
         self.fused_claims.extend(
             fused.map(|(state, verdict)| Claim::of(time_gps, state.position(), verdict, phone.protection)),
         );
         self.joint.extend(phone.state.as_ref().map(|state| claimed(time_gps, state)));
+    }
+
+    /// Adds what an agent made of an epoch, in order of time.
+    fn push_message(&mut self, message: &EpochMessage) {
+        let time = message.time_gps;
+        self.span = Some(extended(self.span, time));
+        if let Some(wls) = &message.wls {
+            let (position, covariance) = (wls.position, wls.position_covariance);
+            insert(&mut self.wls, Solution { time_gps: time, position, covariance });
+            let raim = &message.raim;
+            self.claims.push(Claim::of(time, position, raim.verdict, raim.protection));
+        }
+        if let Some(state) = &message.local {
+            insert(&mut self.local, claimed(time, state));
+        }
+        let local = message.local.as_ref().zip(message.local_integrity);
+        self.local_claims.extend(
+            local.map(|(state, report)| Claim::of(time, state.position(), report.verdict, report.protection)),
+        );
     }
 
     fn protection(&self, claims: &[Claim], qualities: &[u8]) -> Protection {
@@ -235,6 +251,12 @@ impl PhoneScores {
             shifted_median_m: shift.map(|shift| shift.shifted_median_m),
         }
     }
+}
+
+/// Puts a solution into its place by time.
+fn insert(solutions: &mut Vec<Solution>, solution: Solution) {
+    let place = solutions.partition_point(|other| other.time_gps <= solution.time_gps);
+    solutions.insert(place, solution);
 }
 
 fn claimed(time_gps: GpsTime, state: &PhoneState) -> Solution {

@@ -1,4 +1,4 @@
-use cofix_common::accuracy::{Accuracy, Protection};
+use cofix_common::accuracy::{Accuracy, Protection, Truth, TruthPoint};
 use cofix_common::constraint::{
     Constraint, ConstraintAction, ConstraintOutcome, Distance, Heading, SkipReason, VerticalVelocity,
 };
@@ -9,10 +9,11 @@ use cofix_common::gnss::SignalCode;
 use cofix_common::integrity::{Cause, Verdict};
 use cofix_common::measurement::{CorrectedObservation, SharedError, Usage};
 use cofix_common::time::GpsTime;
+use cofix_common::wire::EpochMessage;
 use nalgebra::{SMatrix, SVector};
 
 use super::*;
-use crate::report::scores::ByPhone;
+use crate::report::scores::{ByPhone, Scores};
 use crate::testing::judged;
 
 fn names() -> Vec<String> {
@@ -263,4 +264,36 @@ fn the_table_follows_the_sessions_order_and_means_what_is_scored() {
     let json = report.json().unwrap();
     assert!(json.contains("\"c\": null") && json.ends_with("}\n"));
     assert!(json.find("\"wls\"") < json.find("\"local\"") && json.find("\"local\"") < json.find("\"joint\""));
+}
+
+/// The local solution of an epoch that came too late to be fused counts, whatever came before it.
+#[test]
+fn late_epochs_are_scored_as_their_agents_solved_them() {
+    let start = GpsTime::from_week_tow(2_118, 397_000.0);
+    let position = state().position();
+    let point = TruthPoint { position, velocity: EcefVector::new(0.0, 0.0, 0.0) };
+    let truth = Truth::from_points((0..4).map(|second| (start + f64::from(second), point)), 1);
+    let mut scores = Scores::new(vec![("a".to_owned(), Some(truth))], vec![1]);
+    let message = |second: f64| EpochMessage {
+        local: Some(state()),
+        ..judged("a", start + second, Verdict::CannotBeChecked)
+    };
+    for second in [0.0, 3.0] {
+        let phone =
+            FusedPhone { message: Some(message(second)), state: Some(state()), ..FusedPhone::default() };
+        let (actions, distances, events) = Default::default();
+        scores.push(&FusedEpoch {
+            time_gps: start + second,
+            phones: vec![phone],
+            actions,
+            distances,
+            events,
+        });
+    }
+    let local = |scores: &Scores| scores.methods().local["a"].as_ref().map(|accuracy| accuracy.epochs);
+    assert_eq!(local(&scores), Some(2));
+    scores.late(0, &message(2.0));
+    scores.late(0, &message(1.0));
+    assert_eq!(local(&scores), Some(4));
+    assert_eq!(scores.methods().joint["a"].as_ref().map(|accuracy| accuracy.epochs), Some(2));
 }

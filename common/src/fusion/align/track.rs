@@ -67,7 +67,7 @@ pub(super) enum DateCheck {
 pub(super) enum Accepted {
     Queued,
     /// The time of the message is fused already.
-    TooLate,
+    TooLate(Box<EpochMessage>),
     /// The message is not later than the previous one.
     Refused,
 }
@@ -215,7 +215,7 @@ impl Track {
         self.has_position = received.message.wls.is_some() && !is_doubtful;
         if fused_to_gps.is_some_and(|fused_to_gps| time < fused_to_gps) {
             self.skips.add(too_late, || describe(&received.message, latest, fused_to_gps));
-            return Accepted::TooLate;
+            return Accepted::TooLate(Box::new(received.message));
         }
         self.last_queued = Some(now);
         self.queue.push_back(received);

@@ -8,17 +8,22 @@
 //! hub then asks it for what was refused.
 
 mod phone;
+mod read;
 mod run;
 pub(crate) mod words;
 
 use std::time::Duration;
 
 use cofix_common::skips::{Reason, Skips};
-use cofix_common::wire::{EpochMessage, KeptMessage, MessageKind, Receipt, StatusMessage, WireError, decode};
+use cofix_common::wire::{EpochMessage, Receipt};
 
-use phone::PhoneIntake;
+use phone::{Heard, PhoneIntake};
+use read::Part;
+use run::{MAXIMUM_PARKED, Run};
+
 pub use run::Gap;
-use run::{Counted, MAXIMUM_PARKED, Run};
+
+use super::Event;
 
 /// Bytes from the network, with their phone and sender.
 #[derive(Clone, Debug)]
@@ -40,6 +45,17 @@ pub struct Finished {
     pub skips: Skips,
     /// Why it ended early, if it did.
     pub error: Option<String>,
+}
+
+/// Why something was refused.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// The phone's index; `None`: it is of no phone of the group.
+    pub phone: Option<usize>,
+    /// Why.
+    pub reason: Reason,
+    /// The facts.
+    pub text: String,
 }
 
 /// Takes the arrivals of all phones.
@@ -90,7 +106,7 @@ impl Intake {
         Self {
             now: Duration::ZERO,
             names: names.to_vec(),
-            phones: names.iter().map(|_| PhoneIntake::default()).collect(),
+            phones: names.iter().map(|_| PhoneIntake::new(MAXIMUM_PARKED)).collect(),
             skips: Skips::default(),
         }
     }
@@ -110,6 +126,13 @@ impl Intake {
         is_first
     }
 
+    /// For phones of these names, all of whose messages come before the first is taken out: any number may wait for their turn.
+    pub fn of_a_whole_trial(names: &[String]) -> Self {
+        let mut intake = Self::new(names);
+        intake.phones.iter_mut().for_each(|phone| phone.most_parked = usize::MAX);
+        intake
+    }
+
     /// Index of a phone of the group.
     pub fn index(&self, phone: &str) -> Option<usize> {
         self.names.iter().position(|name| name == phone)
@@ -118,7 +141,10 @@ impl Intake {
     /// Takes an epoch. The phone, whose [`Intake::next_ready`] may have messages now; `None`, counted, when it is of no phone of the group, no
     /// message, absurd, or there already.
     pub fn epoch(&mut self, arrival: &Arrival) -> Option<usize> {
-        self.count_epoch(arrival, false)
+        let now = self.now;
+        let (phone, intake) = self.intake_of(arrival)?;
+        let message = intake.read(read::epoch(arrival))?;
+        intake.epoch(arrival, message, Heard { now, from_history: false }).then_some(phone)
     }
 
     /// The next of a phone's messages, in order.
@@ -129,76 +155,58 @@ impl Intake {
     /// Takes a status. `None`, counted, when it is of no phone of the group or no message; `None` also when it is known.
     pub fn status(&mut self, arrival: &Arrival) -> Option<Notice> {
         let (phone, intake) = self.intake_of(arrival)?;
-        let message = match decode::<StatusMessage>(&arrival.bytes) {
-            Ok(message) if message.phone == arrival.phone => message,
-            Ok(message) => {
-                intake.skips.add(Reason::StatusOfOtherPhone, || {
-                    format!("it names '{}'", words::tamed(&message.phone))
-                });
-                return None;
-            }
-            Err(error) => {
-                intake.skips.add(Reason::StatusUnreadable, || error.to_string());
-                return None;
-            }
-        };
+        let message = intake.read(read::status(arrival))?;
         intake.status(phone, arrival, words::tamed_status(message.status))
     }
 
     /// Takes a part of an agent's answer to a question about its history. `None`, counted, when it is none.
     pub fn history(&mut self, arrival: &Arrival) -> Option<Answer> {
-        let error = match decode::<KeptMessage>(&arrival.bytes) {
-            Ok(kept) if kept.phone == arrival.phone => {
-                let (phone, intake) = self.intake_of(arrival)?;
-                intake.run(arrival).note_kept(kept.first, kept.next);
-                return Some(Answer::Kept(phone));
-            }
-            Ok(kept) => format!("it names '{}'", words::tamed(&kept.phone)),
-            Err(WireError::WrongKind { found: MessageKind::Epoch, .. }) => {
-                return self.count_epoch(arrival, true).map(Answer::Epoch);
-            }
-            Err(WireError::WrongKind { found: MessageKind::Status, .. }) => {
-                return self.status(arrival).map(Answer::Status);
-            }
-            Err(error) => error.to_string(),
-        };
-        let (_, intake) = self.intake_of(arrival)?;
-        intake.skips.add(Reason::HistoryUnreadable, || error);
-        None
-    }
-
-    fn count_epoch(&mut self, arrival: &Arrival, from_history: bool) -> Option<usize> {
         let now = self.now;
         let (phone, intake) = self.intake_of(arrival)?;
-        let message = match decode::<EpochMessage>(&arrival.bytes) {
-            Ok(message) => message,
-            Err(error) => {
-                intake.skips.add(Reason::MessageUnreadable, || error.to_string());
-                return None;
+        match intake.read(read::history(arrival))? {
+            Part::Kept(kept) => {
+                intake.run(arrival).note_kept(kept.first, kept.next);
+                Some(Answer::Kept(phone))
             }
-        };
-        let sequence = message.sequence;
-        if !intake.listens_to(arrival, now, from_history) {
-            intake.run(arrival).note_existence(sequence.saturating_add(1));
-            intake
-                .skips
-                .add(Reason::MessageOfSecondAgent, || format!("sequence {sequence} at {}", message.time_gps));
+            Part::Epoch(message) => intake
+                .epoch(arrival, *message, Heard { now, from_history: true })
+                .then_some(phone)
+                .map(Answer::Epoch),
+            Part::Status(message) => {
+                intake.status(phone, arrival, words::tamed_status(message.status)).map(Answer::Status)
+            }
+        }
+    }
+
+    /// Why an event is refused, whatever else comes, if it is: it is of no phone of the group, no message, or an epoch that is there already.
+    pub fn refusal(&self, event: &Event) -> Option<Refusal> {
+        let (Event::Epoch(arrival) | Event::Status(arrival) | Event::History(arrival)) = event else {
             return None;
+        };
+        let Some((phone, intake)) = self.index(&arrival.phone).zip(self.phone(&arrival.phone)) else {
+            return Some(Refusal { phone: None, reason: Reason::PhoneUnknown, text: self.stranger(arrival) });
+        };
+        let refused = match event {
+            Event::Epoch(_) => read::epoch(arrival).and_then(|message| intake.check_new(arrival, &message)),
+            Event::Status(_) => read::status(arrival).map(drop),
+            _ => read::history(arrival).map(drop),
+        };
+        refused.err().map(|(reason, text)| Refusal { phone: Some(phone), reason, text })
+    }
+
+    /// Whether something of that phone was refused for that reason before.
+    pub fn has_refused(&self, refusal: &Refusal) -> bool {
+        let skips = refusal.phone.map_or(Some(&self.skips), |phone| self.phone_skips(phone));
+        skips.is_some_and(|skips| skips.count(refusal.reason) > 0)
+    }
+
+    /// Counts what was refused of a phone; `None`: of no phone of the group.
+    pub fn refuse(&mut self, phone: Option<&str>, refused: &Skips) {
+        let index = phone.and_then(|phone| self.index(phone));
+        match index.and_then(|index| self.phones.get_mut(index)) {
+            Some(intake) => intake.skips.merge(refused),
+            None => self.skips.merge(refused),
         }
-        let has_room = intake.runs.values().map(Run::parked).sum::<usize>() < MAXIMUM_PARKED;
-        match intake.run(arrival).count(sequence, from_history, has_room) {
-            Counted::New => {}
-            Counted::Repeated { asked_for: false } => {
-                let time = message.time_gps;
-                intake.skips.add(Reason::MessageReceivedTwice, || format!("sequence {sequence} at {time}"));
-                return None;
-            }
-            Counted::Repeated { asked_for: true } | Counted::TooEarly => return None,
-        }
-        let message = message.sanitise(&arrival.phone, &mut intake.skips);
-        let is_usable = message.is_some();
-        intake.take(arrival, sequence, message);
-        is_usable.then_some(phone)
     }
 
     /// What is missing of the phones' runs: phone, sender, gap. Nothing of agents that are gone, unless later epochs wait for it.
@@ -220,8 +228,7 @@ impl Intake {
 
     /// How many of the phone's epochs are given up.
     pub fn lost(&self, phone: usize) -> u64 {
-        let runs = self.phones.get(phone).into_iter().flat_map(|intake| intake.runs.values());
-        runs.fold(0, |sum, run| sum.saturating_add(run.lost))
+        self.phones.get(phone).map_or(0, |intake| intake.lost)
     }
 
     /// Whether the phone's last agent has ended, no other of that name lives, and all epochs are here or given up.
@@ -250,7 +257,7 @@ impl Intake {
         }
     }
 
-    /// Gives up, and counts, the missing epochs that later ones wait for, since the session ends.
+    /// Gives up, and counts, the epochs that are known to exist and have not arrived, since the session ends.
     pub fn release_all(&mut self) {
         for intake in &mut self.phones {
             for sender in intake.runs.keys().cloned().collect::<Vec<_>>() {
@@ -300,12 +307,19 @@ impl Intake {
 
     fn intake_of(&mut self, arrival: &Arrival) -> Option<(usize, &mut PhoneIntake)> {
         let Some(phone) = self.index(&arrival.phone) else {
-            self.skips.add(Reason::PhoneUnknown, || {
-                format!("'{}'; the session has {}", words::tamed(&arrival.phone), self.names.join(", "))
-            });
+            let text = self.stranger(arrival);
+            self.skips.add(Reason::PhoneUnknown, || text);
             return None;
         };
         self.phones.get_mut(phone).map(|intake| (phone, intake))
+    }
+
+    fn phone(&self, name: &str) -> Option<&PhoneIntake> {
+        self.phones.get(self.index(name)?)
+    }
+
+    fn stranger(&self, arrival: &Arrival) -> String {
+        format!("'{}'; the session has {}", words::tamed(&arrival.phone), self.names.join(", "))
     }
 }
 

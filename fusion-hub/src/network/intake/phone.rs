@@ -6,7 +6,8 @@ use std::time::Duration;
 use cofix_common::skips::{Reason, Skips};
 use cofix_common::wire::{EpochMessage, PhoneStatus};
 
-use super::run::Run;
+use super::read::Refusal;
+use super::run::{Counted, Run};
 use super::{Arrival, Finished, Notice};
 
 /// Most runs remembered for one phone; a phone has one at a time, and one more after each restart. The oldest are forgotten.
@@ -26,6 +27,13 @@ struct Speaker {
     heard: Duration,
 }
 
+/// When an epoch was heard, and whether it was asked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Heard {
+    pub(super) now: Duration,
+    pub(super) from_history: bool,
+}
+
 /// One phone's runs.
 #[derive(Debug, Default)]
 pub(super) struct PhoneIntake {
@@ -38,9 +46,18 @@ pub(super) struct PhoneIntake {
     /// Messages whose turn it is.
     pub(super) ready: VecDeque<EpochMessage>,
     pub(super) skips: Skips,
+    /// How many epochs are given up, of all runs.
+    pub(super) lost: u64,
+    /// Most messages of a run that wait for their turn.
+    pub(super) most_parked: usize,
 }
 
 impl PhoneIntake {
+    /// Of whose runs so many messages may wait for their turn.
+    pub(super) fn new(most_parked: usize) -> Self {
+        Self { most_parked, ..Self::default() }
+    }
+
     /// The run that an arrival belongs to; a new run may push out the oldest.
     pub(super) fn run(&mut self, arrival: &Arrival) -> &mut Run {
         let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
@@ -59,11 +76,11 @@ impl PhoneIntake {
 
     /// Whether an epoch counts, of the agent that speaks for the phone; one that comes while nobody else does speaks from now on. Answers to questions decide
     /// nothing.
-    pub(super) fn listens_to(&mut self, arrival: &Arrival, now: Duration, from_history: bool) -> bool {
+    fn listens_to(&mut self, arrival: &Arrival, heard: Heard) -> bool {
         let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
-        let is_heard = !self.is_second(sender, now);
-        if is_heard && !from_history {
-            self.speaker = Some(Speaker { sender: sender.to_owned(), heard: now });
+        let is_heard = !self.is_second(sender, heard.now);
+        if is_heard && !heard.from_history {
+            self.speaker = Some(Speaker { sender: sender.to_owned(), heard: heard.now });
         }
         is_heard
     }
@@ -91,12 +108,44 @@ impl PhoneIntake {
         self.runs.get(self.current.as_ref()?)
     }
 
-    /// Takes a message that counts.
-    pub(super) fn take(&mut self, arrival: &Arrival, sequence: u64, message: Option<EpochMessage>) {
+    /// What could be read; what could not is counted.
+    pub(super) fn read<T>(&mut self, read: Result<T, Refusal>) -> Option<T> {
+        read.map_err(|(reason, text)| self.skips.add(reason, || text)).ok()
+    }
+
+    /// Takes an epoch. Whether it counts and is usable.
+    pub(super) fn epoch(&mut self, arrival: &Arrival, message: EpochMessage, heard: Heard) -> bool {
+        let sequence = message.sequence;
+        if !self.listens_to(arrival, heard) {
+            self.run(arrival).note_existence(sequence.saturating_add(1));
+            self.skips.add(Reason::MessageOfSecondAgent, || numbered(&message));
+            return false;
+        }
+        let has_room = self.runs.values().map(Run::parked).sum::<usize>() < self.most_parked;
+        match self.run(arrival).count(sequence, heard.from_history, has_room) {
+            Counted::New => {}
+            Counted::Repeated { asked_for: false } => {
+                self.skips.add(Reason::MessageReceivedTwice, || numbered(&message));
+                return false;
+            }
+            Counted::Repeated { asked_for: true } | Counted::TooEarly => return false,
+        }
+        let message = message.sanitise(&arrival.phone, &mut self.skips);
+        let is_usable = message.is_some();
         let sender = arrival.sender.as_deref().unwrap_or(ANONYMOUS);
         if let Some(run) = self.runs.get_mut(sender) {
             run.take(sequence, message, &mut self.ready);
         }
+        is_usable
+    }
+
+    /// Checks that an epoch is not there already. (One that was asked for may be, and one of an agent that was gone tells that it is back.)
+    pub(super) fn check_new(&self, arrival: &Arrival, message: &EpochMessage) -> Result<(), Refusal> {
+        let run = self.runs.get(arrival.sender.as_deref().unwrap_or(ANONYMOUS));
+        if run.is_some_and(|run| !run.gone && run.repeats(message.sequence)) {
+            return Err((Reason::MessageReceivedTwice, numbered(message)));
+        }
+        Ok(())
     }
 
     pub(super) fn skip(&mut self, sender: &str, to: u64, why: &str) -> u64 {
@@ -107,10 +156,9 @@ impl PhoneIntake {
         lost
     }
 
-    /// Gives up the missing epochs that later ones wait for.
+    /// Gives up the epochs that are known to exist and have not arrived.
     pub(super) fn release_all(&mut self, sender: &str, why: &str) {
-        let waited_on = |run: &Run| run.gap().filter(|gap| gap.waited_on);
-        while let Some(gap) = self.runs.get(sender).and_then(waited_on) {
+        while let Some(gap) = self.runs.get(sender).and_then(Run::gap) {
             self.skip(sender, gap.to, why);
         }
     }
@@ -124,6 +172,7 @@ impl PhoneIntake {
     }
 
     fn count_lost(&mut self, lost: u64, describe: impl Fn() -> String) {
+        self.lost = self.lost.saturating_add(lost);
         for _ in 0..lost.min(MAXIMUM_LOST) {
             self.skips.add(Reason::EpochsNotArrived, &describe);
         }
@@ -156,4 +205,8 @@ impl PhoneIntake {
             }
         }
     }
+}
+
+fn numbered(message: &EpochMessage) -> String {
+    format!("sequence {} at {}", message.sequence, message.time_gps)
 }

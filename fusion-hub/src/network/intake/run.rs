@@ -117,6 +117,11 @@ impl Run {
         Counted::New
     }
 
+    /// Whether a message of this number is there already and was not asked for.
+    pub(super) fn repeats(&self, sequence: u64) -> bool {
+        sequence >= self.fetched_to && (sequence < self.next || self.parked.contains_key(&sequence))
+    }
+
     /// Takes a message that counts; messages whose turn it is go to `ready`.
     pub(super) fn take(
         &mut self,

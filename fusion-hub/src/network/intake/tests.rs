@@ -1,6 +1,6 @@
 use cofix_common::skips::Reason;
 use cofix_common::time::GpsTime;
-use cofix_common::wire::{PhoneStatus, encode};
+use cofix_common::wire::{KeptMessage, PhoneStatus, StatusMessage, encode};
 
 use super::phone::MAXIMUM_RUNS;
 use super::*;

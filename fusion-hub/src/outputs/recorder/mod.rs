@@ -78,6 +78,7 @@ pub use self::rrd::RecorderError;
 use self::rrd::RrdFile;
 use self::stanford::Claims;
 use self::track::drawable;
+use crate::outputs::Late;
 use crate::report::scores::Reference;
 
 /// Epochs between two writes. A crash loses at most these; fewer make a larger file.
@@ -217,6 +218,16 @@ impl Recorder {
         self.epochs += 1;
         self.unwritten_since.get_or_insert_with(Instant::now);
         if self.epochs.is_multiple_of(EPOCHS_PER_SEGMENT) { self.write_segment() } else { Ok(()) }
+    }
+
+    /// Adds the agent's positions of an epoch that came too late to be fused.
+    pub fn record_late(&mut self, late: &Late<'_>) {
+        let (Some(frame), Some(time_ns)) = (self.frame, recordable(late.message.time_gps)) else { return };
+        let at = Epoch { frame: &frame, time_ns, message_time_ns: time_ns };
+        if let Some(recorder) = self.phones.get_mut(late.phone) {
+            recorder.push_late(at, late, &mut self.skips);
+            self.unwritten_since.get_or_insert_with(Instant::now);
+        }
     }
 
     /// Values that were not recorded so far.

@@ -18,6 +18,7 @@ use super::series::{LogLines, Series, Style};
 use super::signals::Signals;
 use super::stanford::Claims;
 use super::track::{Ellipsoid, Track, drawable, ellipsoid};
+use crate::outputs::Late;
 use crate::report::scores::Reference;
 
 /// The frame and the times at which a phone's epoch is recorded.
@@ -42,6 +43,14 @@ struct Estimate {
 struct Errors {
     horizontal: Series,
     vertical: Series,
+}
+
+/// The epoch-wise position of an agent and that of its filter, each with its covariance.
+fn own_estimates(message: &EpochMessage) -> [Option<(Ecef, Matrix3<f64>)>; 2] {
+    [
+        message.wls.as_ref().map(|s| (s.position, s.position_covariance)),
+        message.local.as_ref().map(|s| (s.position(), position_covariance(s))),
+    ]
 }
 
 /// One phone's part of a recording.
@@ -95,11 +104,8 @@ impl PhoneRecorder {
     /// Adds an epoch.
     pub fn push(&mut self, epoch: Epoch<'_>, phone: &FusedPhone, reference: Reference, skips: &mut Skips) {
         let message = phone.message.as_ref();
-        let estimates = [
-            message.and_then(|m| m.wls.as_ref()).map(|s| (s.position, s.position_covariance)),
-            message.and_then(|m| m.local.as_ref()).map(|s| (s.position(), position_covariance(s))),
-            phone.state.as_ref().map(|s| (s.position(), position_covariance(s))),
-        ];
+        let [wls, local] = message.map_or([None, None], own_estimates);
+        let estimates = [wls, local, phone.state.as_ref().map(|s| (s.position(), position_covariance(s)))];
         let mut errors_m = [None; 3];
         for ((index, estimate), error_m) in estimates.into_iter().enumerate().zip(&mut errors_m) {
             let estimate = estimate.map(|(position, covariance_m2)| Estimate { position, covariance_m2 });
@@ -116,6 +122,17 @@ impl PhoneRecorder {
         self.code_nis.push(epoch.message_time_ns, update.and_then(|u| u.code_nis_per_row()), skips);
         self.rejected.push(epoch.message_time_ns, rejected, skips);
         self.push_message(epoch.message_time_ns, message, skips);
+    }
+
+    /// Adds the agent's positions of an epoch that came too late to be fused, each beside the track's lines.
+    pub fn push_late(&mut self, epoch: Epoch<'_>, late: &Late<'_>, skips: &mut Skips) {
+        let reference = Reference { at_message: late.truth, at_epoch: late.truth };
+        for (index, estimate) in own_estimates(late.message).into_iter().enumerate() {
+            let Some((position, covariance_m2)) = estimate else { continue };
+            self.tracks.get_mut(index).into_iter().for_each(Track::break_off);
+            self.push_estimate(epoch, index, Some(Estimate { position, covariance_m2 }), reference, skips);
+            self.tracks.get_mut(index).into_iter().for_each(Track::break_off);
+        }
     }
 
     /// Takes an event of the group that is about this phone.

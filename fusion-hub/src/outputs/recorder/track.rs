@@ -129,6 +129,11 @@ impl Track {
         self.fixes.push(time_ns, Some(fix));
     }
 
+    /// Begins a new line with the next position.
+    pub fn break_off(&mut self) {
+        self.open = false;
+    }
+
     /// Whether a line from the last fix would cross the whole map: within one step the other side of the Earth is passed only
     /// next to a pole, or by a wild estimate.
     fn goes_round_the_map(&self, next: &Fix) -> bool {
