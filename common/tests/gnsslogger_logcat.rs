@@ -41,7 +41,7 @@ fn a_log_in_the_system_log_gives_the_same_records() {
     for prefix in PREFIXES {
         let mut logged = "--------- beginning of main\n".to_owned();
         for line in &lines {
-            logged += &format!("{OTHER}\r\n{prefix}{line}\r\n");
+            logged.extend([OTHER, "\r\n", prefix, line, "\r\n"]);
         }
         let (records, found) = decode(&logged);
         assert_eq!(format!("{records:?}"), format!("{expected:?}"), "{prefix}");
@@ -59,7 +59,7 @@ fn measurements_without_a_clock_are_named() {
         "   Svid                          = 5",
         "   Cn0DbHz                       = 38.5",
     ] {
-        text += &format!("{}{said}\n", PREFIXES[2]);
+        text.extend([PREFIXES[2], said, "\n"]);
     }
     let (records, skips) = decode(&text);
     assert!(records.is_empty());

@@ -84,9 +84,10 @@ impl TcpListening {
             tracing::warn!("{}: {from} cannot be read: {error}", self.port);
             return false;
         }
-        match &self.client {
-            Some((_, before)) => tracing::warn!("{}: {before} gives way to {from}", self.port),
-            None => tracing::info!("{}: {from} is connected", self.port),
+        if let Some((_, before)) = &self.client {
+            tracing::warn!("{}: {before} gives way to {from}", self.port);
+        } else {
+            tracing::info!("{}: {from} is connected", self.port);
         }
         self.silence = Silence::new();
         self.client = Some((stream, from));
