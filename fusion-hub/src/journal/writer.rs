@@ -96,7 +96,7 @@ impl Journal {
         })
     }
 
-    /// With another size of segments than [`SEGMENT_BYTES`].
+    /// With another size of segments than the usual one.
     pub fn with_segments_of(self, limit_bytes: u64) -> Self {
         Self { limit_bytes, ..self }
     }
