@@ -50,8 +50,8 @@ pub fn start_hub(folder: &Path, endpoint: &str, latency_s: &str, outputs: &[&str
     while !said.last().is_some_and(|line: &String| line.contains("listens on")) {
         said.push(lines.next().unwrap_or_else(|| panic!("the hub has ended: {said:?}")).unwrap());
     }
-    // Its log is read, so that it never waits for that.
-    std::thread::spawn(move || lines.for_each(drop));
+    // Its log is read, so that it never waits for that, and shown where a test fails.
+    std::thread::spawn(move || lines.map_while(Result::ok).for_each(|line| println!("hub: {line}")));
     hub
 }
 
