@@ -88,11 +88,14 @@ fn disturb(
                 Disturbance::CutLink(phone) => place == phone,
                 _ => true,
             };
-            let cut: Vec<&SlowLink> =
-                links.iter().enumerate().filter(|(place, _)| is_cut(*place)).map(|(_, link)| link).collect();
-            cut.iter().for_each(|link| link.set_cut(true));
+            let set = |now: bool| {
+                for (_, link) in links.iter().enumerate().filter(|(place, _)| is_cut(*place)) {
+                    link.set_cut(now);
+                }
+            };
+            set(true);
             std::thread::sleep(lasting);
-            cut.iter().for_each(|link| link.set_cut(false));
+            set(false);
         }
     }
 }

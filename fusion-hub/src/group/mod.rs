@@ -2,8 +2,10 @@
 
 mod in_order;
 mod journalled;
+mod load;
 mod losses;
 mod missing;
+mod result;
 mod screened;
 mod steady;
 
@@ -15,7 +17,6 @@ use cofix_agent::status::Moment;
 use cofix_agent::{Stop, clock};
 use cofix_common::fusion::align::{Aligner, NoticeKind};
 use cofix_common::fusion::engine::Engine;
-use cofix_common::skips::Skips;
 use cofix_common::time::GpsTime;
 
 use crate::journal::Journal;
@@ -24,16 +25,14 @@ use crate::network::intake::{Answer, Arrival, Intake, Notice};
 use crate::network::recovery::Recovery;
 use crate::network::{Event, HistoryQuestions, Receipts};
 use crate::outputs::Outputs;
-use crate::report::Report;
 
+use load::Load;
 use steady::Steady;
 
 /// Longest wait of the thread for an event before it looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
 /// Longest wait for agents that have finished and still have to ask whether everything arrived: on a slow link the question takes a while.
 const LONGEST_STAY: Duration = Duration::from_secs(30);
-/// Longest wait for the end of agents that were told so.
-const LONGEST_STAY_ONCE_TOLD: Duration = Duration::from_secs(1);
 /// Most events that are handled before the thread looks at the clock: whether a phone is late is decided when all its events are known.
 const BATCH: usize = 256;
 /// Most events that are handled after the request to stop.
@@ -137,18 +136,21 @@ impl Group {
     /// When an agent fails or a message is lost.
     pub fn work(&mut self, events: &Receiver<Event>, stop: &Stop) -> anyhow::Result<()> {
         let mut clock = Steady::at(self.now);
+        let mut load = Load::default();
         while !self.is_over() && !stop.is_requested() {
             let first = match events.recv_timeout(TICK) {
                 Ok(event) => Some(event),
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => break,
             };
+            let begin = Instant::now();
             let batch: Vec<Event> = first.into_iter().chain(events.try_iter().take(BATCH)).collect();
             let batch = self.screen(batch);
             let (now, wall_gps) = (clock.tick(), clock::now());
             self.note_step(&batch, now, wall_gps);
             let unused = std::mem::take(&mut self.unused);
             self.step(unused.into_iter().chain(batch), now, wall_gps)?;
+            self.tell_load(load.take(begin.elapsed(), now));
         }
         if stop.is_requested() && self.parts.course == Course::Replay {
             bail!("stopped before the end of the session");
@@ -158,6 +160,17 @@ impl Group {
         let ended = self.end(last);
         self.close_journal();
         ended
+    }
+
+    /// Says that a live group does not keep up: agents keep what it has not taken yet, and what it takes too late is not fused.
+    fn tell_load(&self, share: Option<f64>) {
+        if let (Some(share), Course::Live { .. }) = (share, self.parts.course) {
+            tracing::warn!(
+                "the hub does not keep up: it was at work {:.0} % of the last half minute, and epochs that it takes too late are not fused; leave out constraints or phones, or outputs \
+                 (--no-journal, no --recording), or give it a faster computer",
+                100.0 * share
+            );
+        }
     }
 
     /// Handles the last events, and ends.
@@ -199,83 +212,10 @@ impl Group {
         self.check_stragglers()
     }
 
-    /// Waits until the agents that have finished know that all their epochs arrived, for a limited time: they ask, and end when they know.
-    pub fn wait_for_agents(&mut self, events: &Receiver<Event>, stop: &Stop) {
-        let start = Instant::now();
-        let mut told_since: Option<Instant> = None;
-        while self.alive.iter().any(|alive| *alive)
-            && start.elapsed() < self.longest_stay
-            && !stop.is_requested()
-        {
-            match events.recv_timeout(TICK) {
-                Ok(Event::Alive { phone, alive }) => self.note_alive(&phone, alive),
-                Err(RecvTimeoutError::Disconnected) => return,
-                _ => {}
-            }
-            if !self.all_told() {
-                told_since = None;
-            } else if told_since.get_or_insert_with(Instant::now).elapsed() > LONGEST_STAY_ONCE_TOLD {
-                return;
-            }
-        }
-    }
-
-    /// Whether all agents that have ended were told of all their epochs.
-    fn all_told(&self) -> bool {
-        self.parts.phones.iter().enumerate().all(|(phone, name)| {
-            self.intake.finished_runs(phone).all(|(sender, received)| {
-                received == 0 || self.parts.receipts.was_told(name, sender, received)
-            })
-        })
-    }
-
     fn note_alive(&mut self, phone: &str, alive: bool) {
         if let Some(slot) = self.intake.index(phone).and_then(|index| self.alive.get_mut(index)) {
             *slot = alive;
         }
-    }
-
-    /// The report, and the outputs to finish.
-    pub fn report(&mut self) -> (Report, &mut Outputs) {
-        let mut skips = self.intake.skips().clone();
-        skips.merge(self.parts.engine.skips());
-        let phones = self.parts.outputs.tally.phones(|phone| self.phone_skips(phone));
-        let (group, lost) = (self.parts.name.clone(), self.lost());
-        let report = Report { group, lost, phones, skips, ..self.parts.outputs.report() };
-        (report, &mut self.parts.outputs)
-    }
-
-    /// Checks the result of a session that is over.
-    ///
-    /// # Errors
-    /// When a phone had nothing usable, or no two phones were there at one time.
-    pub fn check_result(&self) -> anyhow::Result<()> {
-        let tally = &self.parts.outputs.tally;
-        for (index, name) in self.parts.phones.iter().enumerate() {
-            if tally.usable_epochs(index) == 0 {
-                let skips = self.phone_skips(index);
-                let why = if skips.is_empty() { "nothing was skipped".to_owned() } else { skips.to_string() };
-                bail!("{name}: no epoch with a usable observation, so there is nothing to fuse: {why}");
-            }
-        }
-        if self.parts.phones.len() > 1 && tally.common_epochs == 0 {
-            let span = |(index, name): (usize, &String)| {
-                let span = tally.span_of(index);
-                span.map_or_else(|| format!("{name} has none"), |(a, b)| format!("{name} from {a} to {b}"))
-            };
-            let spans: Vec<String> = self.parts.phones.iter().enumerate().map(span).collect();
-            bail!("the phones have no common time, so there is nothing to fuse: {}", spans.join(", "));
-        }
-        Ok(())
-    }
-
-    fn phone_skips(&self, phone: usize) -> Skips {
-        let mut skips =
-            self.intake.finished(phone).map(|finished| finished.skips.clone()).unwrap_or_default();
-        for more in [self.intake.phone_skips(phone), self.parts.aligner.skips(phone)].into_iter().flatten() {
-            skips.merge(more);
-        }
-        skips
     }
 
     fn is_over(&self) -> bool {

@@ -2,7 +2,7 @@ use std::sync::mpsc::sync_channel;
 
 use cofix_common::fusion::align::AlignOptions;
 use cofix_common::fusion::engine::EngineOptions;
-use cofix_common::skips::Reason;
+use cofix_common::skips::{Reason, Skips};
 use cofix_common::wire::{KeptMessage, PhoneStatus, StatusMessage, encode};
 
 use super::*;
