@@ -103,6 +103,28 @@ fn a_taken_endpoint_is_named() {
 }
 
 #[test]
+fn the_log_is_json_when_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let assert =
+        hub(folder.path(), &["--log-format", "json", "-v", "demo", "--report", "demo.json"]).success();
+    let log = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+    assert!(log.lines().count() > 0);
+    for line in log.lines() {
+        let entry: serde_json::Value = serde_json::from_str(line).unwrap();
+        for key in ["time", "level", "target", "message"] {
+            assert!(entry[key].is_string(), "{line}");
+        }
+        assert!(entry["target"].as_str().unwrap().starts_with("cofix_"), "{line}");
+    }
+    let assert = hub(folder.path(), &["replay", "no\n.toml", "--log-format", "json"]).code(1);
+    let log = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
+    assert_eq!(log.lines().count(), 1, "{log}");
+    let entry: serde_json::Value = serde_json::from_str(&log).unwrap();
+    assert_eq!(entry["level"], "ERROR");
+    assert!(entry["message"].as_str().unwrap().contains("no\n.toml: cannot read"), "{log}");
+}
+
+#[test]
 fn an_unwritable_recording_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let text = failure(folder.path(), &["demo", "--recording", "no/such/folder/demo.rrd"]);

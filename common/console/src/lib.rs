@@ -1,5 +1,7 @@
 //! Common parts of the programs on a terminal: version, verbosity, errors, output.
 
+mod json;
+
 use std::fmt::{self, Display};
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
@@ -13,6 +15,8 @@ use tracing_subscriber::registry::LookupSpan;
 
 pub use tracing::level_filters::LevelFilter;
 
+use json::JsonLines;
+
 /// Build of the program: [`COMMIT`], else "debug build" or "commit unknown".
 pub const BUILD: &str = env!("COFIX_BUILD");
 /// Commit of the build, with ", modified" if tracked files differed from it; `None` if unknown.
@@ -20,7 +24,7 @@ pub const COMMIT: Option<&str> = option_env!("COFIX_KNOWN_COMMIT");
 /// Version and build, as printed by `--version`.
 pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("COFIX_BUILD"), ")");
 
-/// How much is said on the standard error.
+/// How much is said on the standard error, and in which format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::Args)]
 pub struct Verbosity {
     /// Say more; twice for yet more
@@ -29,6 +33,19 @@ pub struct Verbosity {
     /// Say less; twice for yet less (why a program fails is always said)
     #[arg(short, long, global = true, action = clap::ArgAction::Count, conflicts_with = "verbose", display_order = 901)]
     quiet: u8,
+    /// Format of the log and of the error at the end: text, or one JSON object a line (time, level, target, message)
+    #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value_t, display_order = 902)]
+    log_format: LogFormat,
+}
+
+/// Format of the entries of the log.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+enum LogFormat {
+    /// Lines for people
+    #[default]
+    Text,
+    /// One JSON object a line
+    Json,
 }
 
 const LEVELS: [LevelFilter; 6] = [
@@ -49,11 +66,11 @@ impl Verbosity {
     }
 
     fn is_told(self) -> bool {
-        self != Self::default()
+        self.verbose > 0 || self.quiet > 0
     }
 }
 
-/// Format of the log lines.
+/// Format of the log's lines of text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lines {
     /// With date and time, UTC, for programs that run for hours.
@@ -76,11 +93,16 @@ pub fn start_log(verbosity: Verbosity, usual: LevelFilter, lines: Lines) {
         .with_env_filter(filter)
         .with_writer(|| Log)
         .with_ansi(io::stderr().is_terminal());
-    match lines {
-        Lines::Timed => log.init(),
-        Lines::Plain => log.event_format(Plain).init(),
+    FORMAT.get_or_init(|| verbosity.log_format);
+    match (verbosity.log_format, lines) {
+        (LogFormat::Json, _) => log.with_ansi(false).event_format(JsonLines).init(),
+        (LogFormat::Text, Lines::Timed) => log.init(),
+        (LogFormat::Text, Lines::Plain) => log.event_format(Plain).init(),
     }
 }
+
+/// Format of the log that was started.
+static FORMAT: OnceLock<LogFormat> = OnceLock::new();
 
 /// Writer of the log in place of the standard error.
 static WRITE: OnceLock<WriteLog> = OnceLock::new();
@@ -171,8 +193,12 @@ pub fn conclude(outcome: anyhow::Result<()>) -> ExitCode {
 
 /// Prints an error on the standard error, regardless of the log level.
 pub fn say_error(error: &dyn Display) {
+    let line = match FORMAT.get() {
+        Some(LogFormat::Json) => json::error(&error.to_string()),
+        _ => format!("error: {error}"),
+    };
     // An error that cannot be printed is ignored.
-    let _ = writeln!(io::stderr(), "error: {error}");
+    let _ = writeln!(io::stderr(), "{line}");
 }
 
 /// An error with its causes in one line; causes contained in the message of an error are not repeated.
@@ -223,7 +249,8 @@ mod tests {
 
     #[test]
     fn levels_go_up_and_down_and_end_somewhere() {
-        let level = |verbose, quiet| Verbosity { verbose, quiet }.level(LevelFilter::INFO);
+        let level =
+            |verbose, quiet| Verbosity { verbose, quiet, ..Verbosity::default() }.level(LevelFilter::INFO);
         assert_eq!(level(0, 0), LevelFilter::INFO);
         assert_eq!((level(1, 0), level(9, 0)), (LevelFilter::DEBUG, LevelFilter::TRACE));
         assert_eq!((level(0, 1), level(0, 9)), (LevelFilter::WARN, LevelFilter::OFF));
