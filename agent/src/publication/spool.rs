@@ -155,8 +155,14 @@ mod tests {
         assert_eq!(read(935, 945, 100), (935..945).map(message).collect::<Vec<_>>());
         assert_eq!(read(0, 2_000, 3), (920..923).map(message).collect::<Vec<_>>());
         assert!(read(1_000, 2_000, 3).is_empty() && read(945, 935, 9).is_empty());
-        let another = Spool::create(folder.path(), "pixel-run", 8_000);
-        assert!(another.is_ok() || another.unwrap_err().kind() == ErrorKind::AlreadyExists);
+    }
+
+    #[test]
+    fn the_spool_of_another_run_is_not_written_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let _other = spool(folder.path(), 8_000, 3);
+        let refused = Spool::create(folder.path(), "pixel-run", 8_000).unwrap_err();
+        assert_eq!(refused.kind(), ErrorKind::AlreadyExists);
     }
 
     #[test]
