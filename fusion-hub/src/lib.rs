@@ -18,5 +18,6 @@ pub mod replay;
 pub mod report;
 pub mod session;
 pub mod simulate;
+pub mod status;
 #[cfg(test)]
 mod testing;

@@ -20,6 +20,7 @@ use crate::report::SettingsReport;
 use crate::report::scores::Scores;
 use crate::session::Session;
 use crate::session::truths::read_truths;
+use crate::status::{Files, Watcher};
 
 /// Options of a live hub.
 #[derive(Clone, Debug)]
@@ -63,6 +64,9 @@ pub fn run(session: &Session, options: &LiveOptions, stop: &Stop) -> anyhow::Res
     tracing::info!("group '{}' listens on {}", session.group, network.endpoints().join(", "));
     let live = Course::Live { until_finished: options.until_finished };
     let (mut group, truth_skips) = silent_group(session, latency, live, &options.files, network.receipts())?;
+    let journal_path = options.journal.as_ref().map(|journal| journal.path.as_path());
+    let files = Files::named(journal_path, options.files.recording.as_deref());
+    group.tell_through(Watcher::new(network.status(), files));
     let mut segments = 0;
     if let Some(mut reader) = unfinished {
         // Whether it has ended was looked at before.

@@ -22,6 +22,7 @@ use cofix_hub::replay::{Plan, ReplayOptions, replay};
 use cofix_hub::session::Session;
 use cofix_hub::session::files::{inputs, live_inputs};
 use cofix_hub::simulate::{self, simulate};
+use cofix_hub::status;
 
 use arguments::{ReportPlan, conclude};
 
@@ -100,6 +101,8 @@ enum Command {
     },
     /// Make certificates for a group's hub and phones, or revoke a phone's, so that nobody else may listen or speak
     Enroll(enroll::Arguments),
+    /// Ask a live hub how its phones are; fails when one has no fresh epoch
+    Status(status::Arguments),
     /// Write a simulated scenario as files: observations, navigation messages, truth, and a session to replay
     Simulate(simulate::Arguments),
     /// Print every setting of agents and hub as tables for a session file, each with unit, range and meaning
@@ -136,6 +139,7 @@ fn main() -> ExitCode {
         | Command::Demo { .. }
         | Command::Simulate(_)
         | Command::Settings { .. }
+        | Command::Status(_)
         | Command::Enroll(_) => (LevelFilter::WARN, Lines::Plain),
     };
     start_log(arguments.verbosity, usual, lines);
@@ -192,6 +196,12 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
         Command::Simulate(arguments) => {
             let session = simulate(&arguments, stop)?;
             cofix_console::print(&format!("Session: {}\n", session.display()))
+        }
+        Command::Status(arguments) => {
+            let document = status::ask(&arguments.group, &arguments.connect, stop)?;
+            let json = || Ok::<_, serde_json::Error>(serde_json::to_string_pretty(&document)? + "\n");
+            cofix_console::print(&if arguments.json { json()? } else { document.table() })?;
+            document.check(f64::from(arguments.within))
         }
         Command::Settings { preset } => {
             let preset = match preset {

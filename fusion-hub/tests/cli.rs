@@ -287,6 +287,41 @@ fn session_files_are_told_what_to_write() {
     }
 }
 
+#[test]
+fn a_live_hub_tells_its_status() {
+    use std::io::{BufRead, BufReader};
+    use std::process::{Command, Stdio};
+    limits::watch();
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("live.toml"), "group = 'g'\n[[phone]]\nname = 'a'\n").unwrap();
+    let mut live = Command::new(env!("CARGO_BIN_EXE_cofix-hub"))
+        .current_dir(folder.path())
+        .args(["run", "live.toml", "--listen", "tcp/127.0.0.1:0", "--recording", "live.rrd"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut log = BufReader::new(live.stderr.take().unwrap()).lines();
+    let line = log.find(|line| line.as_ref().unwrap().contains("listens on")).unwrap().unwrap();
+    let endpoint = line.split_once("listens on ").unwrap().1.to_owned();
+    let ask = |more: &[&str]| {
+        let arguments = [&["status", "g", "--connect", &endpoint], more].concat();
+        hub(folder.path(), &arguments).code(1)
+    };
+    // Until the group is at work, the hub has no status.
+    let told = (0..100).map(|_| ask(&["--json"])).find(|told| !told.get_output().stdout.is_empty()).unwrap();
+    let status: serde_json::Value = serde_json::from_slice(&told.get_output().stdout).unwrap();
+    assert_eq!((&status["group"], &status["phones"][0]["phone"]), (&"g".into(), &"a".into()));
+    assert_eq!((&status["journal"], &status["recording"]), (&"live.mcap".into(), &"live.rrd".into()));
+    let told = ask(&[]);
+    let text = String::from_utf8_lossy(&told.get_output().stdout).into_owned();
+    assert!(text.contains("\n| a     |      - |"), "{text}");
+    assert_eq!(String::from_utf8_lossy(&told.get_output().stderr), "error: a: no epoch yet\n");
+    live.kill().unwrap();
+    live.wait().unwrap();
+    let gone = ask(&[]);
+    assert!(String::from_utf8_lossy(&gone.get_output().stderr).contains("no hub answers at"));
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn signals_end_a_live_hub_in_order() {

@@ -22,6 +22,7 @@ use cofix_hub::outputs::Outputs;
 use cofix_hub::replay::Plan;
 use cofix_hub::report::Report;
 use cofix_hub::report::scores::Scores;
+use cofix_hub::status::{Files, Watcher};
 use limits::Running;
 use zenoh::qos::CongestionControl;
 
@@ -103,6 +104,7 @@ impl Hub {
             phones,
         })
         .with_grace(Duration::from_secs(4));
+        group.tell_through(Watcher::new(network.status(), Files::default()));
         let stop = Stop::default();
         let asked = stop.clone();
         let thread = limits::spawn(move || {

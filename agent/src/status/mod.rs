@@ -46,6 +46,25 @@ struct Last {
     verdict: Verdict,
 }
 
+/// Figures of a phone's last epochs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figures {
+    /// Age of the last epoch by the computer's clock, s; of a recording, time since it came.
+    pub age_s: f64,
+    /// Whether the last epoch is of a recording.
+    pub is_recorded: bool,
+    /// Epochs per second in the last ten seconds, Hz.
+    pub rate_hz: f64,
+    /// Satellites used in the last epoch.
+    pub satellites: usize,
+    /// Horizontal standard deviation of the last position, m; `None`: there is none.
+    pub horizontal_sigma_m: Option<f64>,
+    /// The agent's verdict on the last epoch.
+    pub verdict: Verdict,
+    /// How many epochs have come.
+    pub epochs: u64,
+}
+
 /// A phone's last epochs.
 #[derive(Clone, Debug, Default)]
 pub struct LastEpochs {
@@ -108,23 +127,34 @@ impl LastEpochs {
         Some(format!("its epochs are {age_s:.0} s late"))
     }
 
-    /// The phone in a line: age of its last epoch, rate, satellites, horizontal standard deviation, verdict.
-    pub fn line(&mut self, name: &str, moment: Moment) -> String {
-        let Some(last) = self.last else { return format!("{name}: no epoch yet") };
+    /// The figures at an instant; `None` before the first epoch.
+    pub fn figures(&mut self, moment: Moment) -> Option<Figures> {
+        let last = self.last?;
         let Moment { now, wall_gps } = moment;
         while self.arrivals.pop_front_if(|at| now.saturating_sub(*at) >= RATE_WINDOW).is_some() {}
         let window_s = RATE_WINDOW.min(now).as_secs_f64().max(1.0);
         let rate_hz = self.arrivals.len() as f64 / window_s;
         let age_s = wall_gps - last.time_gps;
-        let age = if age_s.abs() < RECORDING_S {
-            format!("{age_s:.1} s old")
-        } else {
-            format!("came {:.1} s ago", now.saturating_sub(last.at).as_secs_f64())
-        };
-        let sigma =
-            last.sigma_m.map_or_else(|| "no sigma".to_owned(), |sigma_m| format!("sigma {sigma_m:.1} m"));
-        let Last { satellites, verdict, .. } = last;
-        let epochs = self.epochs;
+        let is_recorded = age_s.abs() >= RECORDING_S;
+        Some(Figures {
+            age_s: if is_recorded { now.saturating_sub(last.at).as_secs_f64() } else { age_s },
+            is_recorded,
+            rate_hz,
+            satellites: last.satellites,
+            horizontal_sigma_m: last.sigma_m,
+            verdict: last.verdict,
+            epochs: self.epochs,
+        })
+    }
+
+    /// The phone in a line: age of its last epoch, rate, satellites, horizontal standard deviation, verdict.
+    pub fn line(&mut self, name: &str, moment: Moment) -> String {
+        let Some(figures) = self.figures(moment) else { return format!("{name}: no epoch yet") };
+        let Figures { age_s, is_recorded, rate_hz, satellites, horizontal_sigma_m, verdict, epochs } =
+            figures;
+        let age = if is_recorded { format!("came {age_s:.1} s ago") } else { format!("{age_s:.1} s old") };
+        let sigma = horizontal_sigma_m
+            .map_or_else(|| "no sigma".to_owned(), |sigma_m| format!("sigma {sigma_m:.1} m"));
         format!(
             "{name}: {age}, {rate_hz:.1} Hz, {satellites} satellites, {sigma}, {verdict}; {epochs} epochs"
         )

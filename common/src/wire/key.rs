@@ -11,6 +11,7 @@
 //! | `cofix/<group>/fused/<phone>` | [`FusedMessage`](super::FusedMessage)s of the hub |
 //! | `cofix/<group>/fused/<phone>/json` | the same states as JSON, of a hub that was told to |
 //! | `cofix/<group>/integrity` | [`IntegrityMessage`](super::IntegrityMessage)s of the hub |
+//! | `cofix/<group>/status` | query to the hub: its status as JSON |
 
 /// Maximum length of the name of a group or phone, bytes.
 pub const MAXIMUM_NAME_BYTES: usize = 64;
@@ -132,6 +133,14 @@ pub fn integrity_key(group: &str) -> Result<String, KeyNameError> {
     check_name(group).map(|()| format!("cofix/{group}/integrity"))
 }
 
+/// Key expression of the query to a group's hub for its status: `cofix/<group>/status`.
+///
+/// # Errors
+/// If the group's name cannot be a chunk of a key.
+pub fn hub_status_key(group: &str) -> Result<String, KeyNameError> {
+    check_name(group).map(|()| format!("cofix/{group}/status"))
+}
+
 /// Key expression of a phone's fused states: `cofix/<group>/fused/<phone>`.
 ///
 /// # Errors
@@ -217,6 +226,7 @@ mod tests {
         assert_eq!(all_status_key("g").unwrap(), "cofix/g/phone/*/status");
         assert_eq!(all_liveliness_key("g").unwrap(), "cofix/g/phone/*/alive");
         assert_eq!(all_fused_key("g").unwrap(), "cofix/g/fused/*");
+        assert_eq!(hub_status_key("g").unwrap(), "cofix/g/status");
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub use encoding::{
 pub use key::{
     KeyNameError, MAXIMUM_NAME_BYTES, all_epochs_key, all_fused_key, all_liveliness_key, all_paces_key,
     all_receipts_key, all_status_key, check_name, epoch_key, fused_json_key, fused_key, history_key,
-    integrity_key, liveliness_key, pace_key, phone_of_key, receipt_key, status_key,
+    hub_status_key, integrity_key, liveliness_key, pace_key, phone_of_key, receipt_key, status_key,
 };
 pub use message::{
     EpochMessage, FusedMessage, IntegrityMessage, KeptMessage, PaceMessage, PhoneStatus, Receipt,

@@ -8,6 +8,7 @@ mod missing;
 mod result;
 mod screened;
 mod steady;
+mod told;
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -25,6 +26,7 @@ use crate::network::intake::{Answer, Arrival, Intake, Notice};
 use crate::network::recovery::Recovery;
 use crate::network::{Event, HistoryQuestions, Receipts};
 use crate::outputs::Outputs;
+use crate::status::Watcher;
 
 use load::Load;
 use steady::Steady;
@@ -57,6 +59,10 @@ pub struct Group {
     recovery: Recovery,
     /// Time of the current step, since the start.
     now: Duration,
+    /// GPS time of the current step, by the computer's clock.
+    wall_gps: GpsTime,
+    /// Tells the status to whoever asks.
+    watcher: Option<Watcher>,
     /// When gaps were last looked at.
     recovered_at: Option<Duration>,
     /// By phone: number of missing epochs of agents that have ended, and since when the number has not changed.
@@ -110,6 +116,8 @@ impl Group {
             recovery,
             recovered_at: None,
             now: Duration::ZERO,
+            wall_gps: GpsTime::default(),
+            watcher: None,
             missing: vec![None; phones],
             alive: vec![false; phones],
             grace: Self::GRACE,
@@ -200,7 +208,7 @@ impl Group {
         now: Duration,
         wall_gps: GpsTime,
     ) -> anyhow::Result<()> {
-        self.now = now;
+        (self.now, self.wall_gps) = (now, wall_gps);
         self.intake.set_time(now);
         for event in events {
             self.handle(event)?;
@@ -208,7 +216,9 @@ impl Group {
         self.recover();
         self.fuse_ready();
         self.fuse_overdue(wall_gps);
-        self.parts.outputs.tick(Moment { now, wall_gps });
+        let moment = Moment { now, wall_gps };
+        self.parts.outputs.tick(moment);
+        self.tell(moment);
         self.check_stragglers()
     }
 
@@ -345,6 +355,7 @@ impl Group {
         while let Some(bucket) = self.parts.aligner.pop_ready() {
             let fused = self.parts.engine.step(bucket);
             self.parts.outputs.push(&fused);
+            self.watch(&fused);
             self.note_fused(&fused);
         }
     }

@@ -18,7 +18,8 @@ use cofix_agent::publication::link;
 use cofix_common::skips::Skips;
 use cofix_common::wire::{
     FusedMessage, IntegrityMessage, WireMessage, all_epochs_key, all_liveliness_key, all_paces_key,
-    all_receipts_key, all_status_key, encode, fused_json_key, fused_key, integrity_key, phone_of_key,
+    all_receipts_key, all_status_key, encode, fused_json_key, fused_key, hub_status_key, integrity_key,
+    phone_of_key,
 };
 use zenoh::bytes::Encoding;
 use zenoh::pubsub::Subscriber;
@@ -28,6 +29,7 @@ use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 use crate::network::intake::Arrival;
+use crate::status::SharedStatus;
 
 pub use access::access_control;
 use entrance::Entrance;
@@ -92,16 +94,18 @@ pub struct Network {
     session: Session,
     group: String,
     receipts: Receipts,
+    status: SharedStatus,
     entrance: Entrance,
     _epochs: Subscriber<()>,
     _status: Subscriber<()>,
     _alive: Subscriber<()>,
     _receipts: Queryable<()>,
     _paces: Queryable<()>,
+    _hub_status: Queryable<()>,
 }
 
 #[allow(clippy::needless_pass_by_value)] // for `map_err`
-fn zenoh_error(error: zenoh::Error) -> anyhow::Error {
+pub(crate) fn zenoh_error(error: zenoh::Error) -> anyhow::Error {
     anyhow::anyhow!("Zenoh: {}", link::plain(&error))
 }
 
@@ -144,16 +148,25 @@ impl Network {
             })
             .wait()
             .map_err(zenoh_error)?;
+        let told = SharedStatus::default();
+        let asked = told.clone();
+        let hub_status = session
+            .declare_queryable(hub_status_key(group)?)
+            .callback(move |query| answer_status(&asked, &query))
+            .wait()
+            .map_err(zenoh_error)?;
         let network = Self {
             session,
             group: group.to_owned(),
             receipts,
+            status: told,
             entrance,
             _epochs: epochs,
             _status: status,
             _alive: alive,
             _receipts: queryable,
             _paces: paces,
+            _hub_status: hub_status,
         };
         Ok((network, events))
     }
@@ -171,6 +184,11 @@ impl Network {
     /// The receipts that agents ask for.
     pub fn receipts(&self) -> Receipts {
         self.receipts.clone()
+    }
+
+    /// The status that is told to whoever asks.
+    pub fn status(&self) -> SharedStatus {
+        self.status.clone()
     }
 
     /// Starts the questions to agents about their history.
@@ -297,6 +315,18 @@ fn watch(session: &Session, key: &str, entrance: Entrance) -> anyhow::Result<Sub
         })
         .wait()
         .map_err(zenoh_error)
+}
+
+/// Answers `cofix/<group>/status`.
+fn answer_status(status: &SharedStatus, query: &Query) {
+    let replied = match status.now().map(|document| serde_json::to_vec(&document)) {
+        Some(Ok(json)) => query.reply(query.key_expr(), json).encoding(Encoding::APPLICATION_JSON).wait(),
+        Some(Err(error)) => query.reply_err(error.to_string()).wait(),
+        None => query.reply_err("the group is not at work, or is no live one").wait(),
+    };
+    if let Err(error) = replied {
+        tracing::warn!("status not sent: {}", link::plain(&error));
+    }
 }
 
 /// Answers the question of a phone's agent.
