@@ -202,7 +202,8 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             cofix_console::print(&format!("Session: {}\n", session.display()))
         }
         Command::Status(arguments) => {
-            let document = status::ask(&arguments.group, &arguments.connect, stop)?;
+            let (connect, credentials) = arguments.hub()?;
+            let document = status::ask(&arguments.group, &connect, credentials, stop)?;
             let json = || Ok::<_, serde_json::Error>(serde_json::to_string_pretty(&document)? + "\n");
             cofix_console::print(&if arguments.json { json()? } else { document.table() })?;
             document.check(f64::from(arguments.within))
