@@ -17,7 +17,7 @@ use cofix_agent::{
 use cofix_common::frames::Ecef;
 use cofix_common::measurement::Ionosphere;
 use cofix_common::time::GpsTime;
-use cofix_console::Verbosity;
+use cofix_console::{Completions, Verbosity};
 
 /// Runs beside one phone: reads its observations and publishes corrected measurements, local state and integrity verdict
 /// over Zenoh, one message per epoch.
@@ -53,6 +53,9 @@ pub(crate) enum Command {
     Convert(Convert),
     /// Lists the streams of an NTRIP caster
     Sourcetable(Sourcetable),
+    /// Prints completions of this command line for a shell
+    #[command(hide = true)]
+    Completions(Completions),
 }
 
 #[derive(Debug, Args)]

@@ -37,6 +37,7 @@ fn work(arguments: Arguments) -> anyhow::Result<()> {
             let caster = caster.trusting(&trust);
             print(&ntrip::sourcetable(&caster, &Stop::default())?.to_string())
         }
+        (Some(Command::Completions(completions)), _) => completions.print::<Arguments>(),
         (None, Some(publish)) => {
             start(publish.config(products, &arguments::settings(file.as_deref(), masks, log)?)?)
         }

@@ -12,7 +12,7 @@ use cofix_agent::files::Named;
 use cofix_agent::stop::run_until_asked_to_end;
 use cofix_agent::{Speed, Stop};
 use cofix_common::settings::Preset;
-use cofix_console::{LevelFilter, Lines, Verbosity, start_log};
+use cofix_console::{Completions, LevelFilter, Lines, Verbosity, start_log};
 use cofix_hub::enroll;
 use cofix_hub::journal::{JournalReader, Origin, of_group};
 use cofix_hub::live::{self, JournalOptions, LiveOptions};
@@ -105,6 +105,9 @@ enum Command {
     Status(status::Arguments),
     /// Write a simulated scenario as files: observations, navigation messages, truth, and a session to replay
     Simulate(simulate::Arguments),
+    /// Print completions of this command line for a shell
+    #[command(hide = true)]
+    Completions(Completions),
     /// Print every setting of agents and hub as tables for a session file, each with unit, range and meaning
     Settings {
         /// The values that are printed
@@ -140,6 +143,7 @@ fn main() -> ExitCode {
         | Command::Simulate(_)
         | Command::Settings { .. }
         | Command::Status(_)
+        | Command::Completions(_)
         | Command::Enroll(_) => (LevelFilter::WARN, Lines::Plain),
     };
     start_log(arguments.verbosity, usual, lines);
@@ -198,11 +202,13 @@ fn execute(command: Command, stop: &Stop) -> anyhow::Result<()> {
             cofix_console::print(&format!("Session: {}\n", session.display()))
         }
         Command::Status(arguments) => {
-            let document = status::ask(&arguments.group, &arguments.connect, stop)?;
+            let (connect, credentials) = arguments.hub()?;
+            let document = status::ask(&arguments.group, &connect, credentials, stop)?;
             let json = || Ok::<_, serde_json::Error>(serde_json::to_string_pretty(&document)? + "\n");
             cofix_console::print(&if arguments.json { json()? } else { document.table() })?;
             document.check(f64::from(arguments.within))
         }
+        Command::Completions(completions) => completions.print::<Arguments>(),
         Command::Settings { preset } => {
             let preset = match preset {
                 PresetName::Default => Preset::Default,

@@ -125,6 +125,18 @@ fn the_log_is_json_when_asked_for() {
 }
 
 #[test]
+fn shells_complete_the_command_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let assert = hub(folder.path(), &["completions", "bash"]).success();
+    let script = String::from_utf8(assert.get_output().stdout.clone()).unwrap();
+    for word in ["cofix-hub", "--until-finished", "default peng2023", "--log-format"] {
+        assert!(script.contains(word), "{word}");
+    }
+    let help = hub(folder.path(), &["--help"]).success();
+    assert!(!String::from_utf8_lossy(&help.get_output().stdout).contains("completions"));
+}
+
+#[test]
 fn an_unwritable_recording_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let text = failure(folder.path(), &["demo", "--recording", "no/such/folder/demo.rrd"]);

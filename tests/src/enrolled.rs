@@ -66,6 +66,14 @@ impl Enrolled {
         Ok(Join::read(&self.folder.path().join(format!("{phone}.cofix")))?.credentials)
     }
 
+    /// What the hub shows.
+    ///
+    /// # Errors
+    /// When its folder cannot be read.
+    pub fn of_hub(&self) -> anyhow::Result<Credentials> {
+        Ok(cofix_hub::enroll::open(self.folder.path())?.1)
+    }
+
     /// The configuration of the agent of a plan's phone, with its certificate.
     ///
     /// # Errors

@@ -5,11 +5,15 @@
 use std::time::{Duration, Instant};
 
 use cofix_agent::Stop;
+use cofix_common::skips::Reason;
+use cofix_common::wire::epoch_key;
 use cofix_hub::group::Course;
 use cofix_hub::status::{StatusDocument, ask};
 use cofix_tests::enrolled::{Enrolled, Stranger};
 use cofix_tests::{Hub, agent_config, by_hand, small_plan};
 use zenoh::Wait;
+use zenoh::qos::CongestionControl;
+use zenoh::sample::Locality;
 
 const LIVE: Course = Course::Live { until_finished: false };
 /// Longest wait for what the hub will tell.
@@ -19,7 +23,7 @@ const PATIENCE: Duration = Duration::from_mins(1);
 fn status_when(group: &str, hub: &Hub, is_it: impl Fn(&StatusDocument) -> bool) -> StatusDocument {
     let start = Instant::now();
     loop {
-        let told = ask(group, &hub.endpoints, &Stop::default());
+        let told = ask(group, &hub.endpoints, None, &Stop::default());
         if let Ok(document) = &told
             && is_it(document)
         {
@@ -57,13 +61,13 @@ fn a_hub_tells_how_its_phones_are() {
     status_when(&plan.group, &hub, |told| told.phones[0].age_s.unwrap() > age_s);
     let said = told.check(1e9).unwrap_err().to_string();
     assert_eq!(said, "SIM2: no epoch yet");
-    let error = ask("other", &hub.endpoints, &Stop::default()).unwrap_err().to_string();
+    let error = ask("other", &hub.endpoints, None, &Stop::default()).unwrap_err().to_string();
     assert!(error.contains("none of group 'other'"), "{error}");
     hub.end().unwrap();
 }
 
 #[test]
-fn an_enrolled_phone_is_told_no_status() {
+fn with_certificates_the_hubs_folder_alone_is_told_the_status() {
     let plan = small_plan(1, 10.0).unwrap();
     let enrolled = Enrolled::new(&plan).unwrap();
     let hub = Hub::start_for(&plan, LIVE, &enrolled.listening(true).unwrap()).unwrap();
@@ -71,5 +75,23 @@ fn an_enrolled_phone_is_told_no_status() {
     let question = session.get(format!("cofix/{}/status", plan.group)).timeout(Duration::from_secs(2));
     assert_eq!(question.wait().unwrap().into_iter().filter(|reply| reply.result().is_ok()).count(), 0);
     session.close().wait().unwrap();
-    hub.end().unwrap();
+    // Until the group is at work, there is no status.
+    let start = Instant::now();
+    let told = loop {
+        let told = ask(&plan.group, &hub.endpoints, Some(enrolled.of_hub().unwrap()), &Stop::default());
+        if told.is_ok() || start.elapsed() > PATIENCE {
+            break told.unwrap();
+        }
+    };
+    assert_eq!(told.phones[0].phone, "SIM1");
+    // The hub's certificate hears nothing else.
+    let session = Stranger::with(enrolled.of_hub().unwrap()).connect(&hub.endpoints).unwrap();
+    let heard = session.declare_subscriber("**").allowed_origin(Locality::Remote).wait().unwrap();
+    let put = session.put(epoch_key(&plan.group, "SIM1").unwrap(), b"forged".to_vec());
+    put.congestion_control(CongestionControl::Block).wait().unwrap();
+    enrolled.run_agents(&plan, &hub.endpoints).unwrap();
+    assert_eq!(heard.drain().count(), 0);
+    session.close().wait().unwrap();
+    let report = hub.end().unwrap();
+    assert_eq!(report.phones["SIM1"].skips.count(Reason::MessageUnreadable), 0);
 }

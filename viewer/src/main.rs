@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use cofix_console::{LevelFilter, Lines, Verbosity, conclude, print, start_log};
+use cofix_console::{Completions, LevelFilter, Lines, Verbosity, conclude, print, start_log};
 use cofix_viewer::open::{TELEMETRY, open, version_warning, viewer_version};
 use cofix_viewer::summary::Summary;
 
@@ -33,6 +33,9 @@ enum Command {
         /// The recording (.rrd).
         file: PathBuf,
     },
+    /// Prints completions of this command line for a shell.
+    #[command(hide = true)]
+    Completions(Completions),
 }
 
 fn main() -> ExitCode {
@@ -45,6 +48,7 @@ fn execute(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Summary { file, all } => print(&Summary::read(&file)?.render(all)),
         Command::Open { file } => open_checked(&file),
+        Command::Completions(completions) => completions.print::<Arguments>(),
     }
 }
 

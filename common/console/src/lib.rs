@@ -1,5 +1,6 @@
 //! Common parts of the programs on a terminal: version, verbosity, errors, output.
 
+mod completions;
 mod json;
 
 use std::fmt::{self, Display};
@@ -13,6 +14,7 @@ use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::registry::LookupSpan;
 
+pub use completions::Completions;
 pub use tracing::level_filters::LevelFilter;
 
 use json::JsonLines;

@@ -57,25 +57,26 @@ impl Authority {
         Ok(Self { certificate, key, issuer })
     }
 
-    /// A certificate for a hub with these addresses, `HOST:PORT`.
+    /// A certificate for a hub with these addresses, `HOST:PORT`. Whoever holds it may ask the hub for its status too, so it is one of a client as well.
     pub(super) fn hub(&self, addresses: &[String], now: GpsTime, expires: GpsTime) -> anyhow::Result<Issued> {
         let hosts = addresses.iter().filter_map(|address| host_and_port(address).ok());
         let hosts: Vec<String> = hosts.map(|(host, _)| host.to_owned()).collect();
         let params = CertificateParams::new(hosts).context("an address of the hub")?;
-        self.issue("hub", params, ExtendedKeyUsagePurpose::ServerAuth, [now, expires])
+        let usages = vec![ExtendedKeyUsagePurpose::ServerAuth, ExtendedKeyUsagePurpose::ClientAuth];
+        self.issue("hub", params, usages, [now, expires])
     }
 
     /// A certificate for a phone. Its name holds a number of its own: one that is revoked does not become valid with the phone's next.
     pub(super) fn phone(&self, phone: &str, now: GpsTime, expires: GpsTime) -> anyhow::Result<Issued> {
         let params = CertificateParams::default();
-        self.issue(phone, params, ExtendedKeyUsagePurpose::ClientAuth, [now, expires])
+        self.issue(phone, params, vec![ExtendedKeyUsagePurpose::ClientAuth], [now, expires])
     }
 
     fn issue(
         &self,
         whose: &str,
         mut params: CertificateParams,
-        usage: ExtendedKeyUsagePurpose,
+        usages: Vec<ExtendedKeyUsagePurpose>,
         [now, expires]: [GpsTime; 2],
     ) -> anyhow::Result<Issued> {
         let key = KeyPair::generate().context("a key")?;
@@ -85,7 +86,7 @@ impl Authority {
         let name = format!("{whose}#{number:016x}");
         params.distinguished_name = named(&name);
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
-        params.extended_key_usages = vec![usage];
+        params.extended_key_usages = usages;
         set_validity(&mut params, now, expires);
         let certificate =
             params.signed_by(&key, &self.issuer).with_context(|| format!("a certificate for {whose}"))?;

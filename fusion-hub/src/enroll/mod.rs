@@ -84,6 +84,7 @@ pub fn enroll(arguments: &Arguments) -> anyhow::Result<String> {
     let expires = last.unwrap_or(now).min(now + f64::from(arguments.days) * SECONDS_PER_DAY);
     let hub = authority.hub(&register.hub, now, expires)?;
     folder.write_hub(&hub)?;
+    register.hub_certificate = Some(hub.name);
     register.expires = Some(expires);
     folder.write_register(&register)?;
     let mut said = Vec::new();

@@ -15,6 +15,8 @@ pub struct Register {
     pub group: String,
     /// The hub's addresses, `HOST:PORT`.
     pub hub: Vec<String>,
+    /// The name in the hub's certificate; `None`: of a hub that was enrolled before its certificate could ask.
+    pub hub_certificate: Option<String>,
     /// When the hub's certificate ends.
     pub expires: Option<GpsTime>,
     /// When the authority ends.
@@ -42,6 +44,8 @@ struct Text {
     version: u32,
     group: String,
     hub: Vec<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    hub_certificate: Option<String>,
     expires: String,
     authority_expires: String,
     #[serde(default, rename = "phone", skip_serializing_if = "Vec::is_empty")]
@@ -54,6 +58,7 @@ impl Register {
         Self {
             group: group.to_owned(),
             hub: Vec::new(),
+            hub_certificate: None,
             expires: None,
             authority_expires: None,
             phones: Vec::new(),
@@ -61,7 +66,8 @@ impl Register {
     }
 
     pub(super) fn parse(text: &str) -> anyhow::Result<Self> {
-        let Text { version, group, hub, expires, authority_expires, phones } = toml::from_str(text)?;
+        let Text { version, group, hub, hub_certificate, expires, authority_expires, phones } =
+            toml::from_str(text)?;
         if version != VERSION {
             bail!("version {version}, and this program reads {VERSION}");
         }
@@ -72,17 +78,18 @@ impl Register {
             member.end()?;
         }
         let [expires, authority_expires] = [Some(expires.parse()?), Some(authority_expires.parse()?)];
-        Ok(Self { group, hub, expires, authority_expires, phones })
+        Ok(Self { group, hub, hub_certificate, expires, authority_expires, phones })
     }
 
     pub(super) fn text(&self) -> anyhow::Result<String> {
         let expires = self.expires.context("the hub has no certificate")?.iso();
         let authority_expires = self.authority_expires.context("the authority has no end")?.iso();
-        let Self { group, hub, phones, .. } = self.clone();
+        let Self { group, hub, hub_certificate, phones, .. } = self.clone();
         Ok(toml::to_string_pretty(&Text {
             version: VERSION,
             group,
             hub,
+            hub_certificate,
             expires,
             authority_expires,
             phones,

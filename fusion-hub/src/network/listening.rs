@@ -11,7 +11,7 @@ use super::access::access_control;
 use crate::enroll;
 
 /// Where a hub listens without certificates, unless told otherwise.
-const ON_LOOPBACK: &str = "tcp/127.0.0.1:7447";
+pub(crate) const ON_LOOPBACK: &str = "tcp/127.0.0.1:7447";
 
 /// Where a hub listens, and for whom.
 #[derive(Clone, Debug)]
@@ -69,7 +69,7 @@ impl ListenArguments {
         }
         let endpoints =
             if self.listen.is_empty() { everywhere(&register.hub, folder)? } else { self.listen.clone() };
-        let access_control = access_control(group, &register.phones, self.share_fused)?;
+        let access_control = access_control(&register, self.share_fused)?;
         let guard = Some(Guard { credentials, access_control });
         Ok(Listening { endpoints, guard, is_limited: true })
     }

@@ -34,6 +34,7 @@ use crate::status::SharedStatus;
 pub use access::access_control;
 use entrance::Entrance;
 use gate::Gate;
+pub(crate) use listening::ON_LOOPBACK;
 pub use listening::{ListenArguments, Listening};
 use pace::PlaybackClock;
 pub use questions::HistoryQuestions;

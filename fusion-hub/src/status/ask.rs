@@ -1,18 +1,21 @@
 //! The question to a hub for its status, and the answer for people.
 
 use std::fmt::Write;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
 use cofix_agent::publication::link;
+use cofix_agent::publication::secured::Credentials;
 use cofix_agent::{AgentConfig, Source, Stop};
 use cofix_common::wire::hub_status_key;
 use zenoh::Wait;
 
 use super::{SCHEMA, StatusDocument};
+use crate::enroll;
 use crate::network::intake::words::tamed;
-use crate::network::zenoh_error;
+use crate::network::{ON_LOOPBACK, zenoh_error};
 
 /// Longest wait for a hub, and then for its answer.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -22,9 +25,12 @@ const PATIENCE: Duration = Duration::from_secs(5);
 pub struct Arguments {
     /// Group, as the session file names it
     pub group: String,
-    /// Zenoh endpoint of the hub, which must listen without certificates; may be repeated
-    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
+    /// Zenoh endpoint of the hub; may be repeated [default: tcp/127.0.0.1:7447; with --enrolled the addresses of the hub]
+    #[arg(long, value_name = "ENDPOINT")]
     pub connect: Vec<String>,
+    /// The hub's own folder that 'cofix-hub enroll' has written, for a hub with certificates
+    #[arg(long, value_name = "DIR")]
+    pub enrolled: Option<PathBuf>,
     /// Age of a phone's last epoch from which on it counts as missing, seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=86_400))]
     pub within: u32,
@@ -33,15 +39,37 @@ pub struct Arguments {
     pub json: bool,
 }
 
+impl Arguments {
+    /// Where the hub is, and what is shown to it.
+    ///
+    /// # Errors
+    /// When the folder of an enrolled group cannot be used.
+    pub fn hub(&self) -> anyhow::Result<(Vec<String>, Option<Credentials>)> {
+        let (usual, credentials) = match &self.enrolled {
+            None => (vec![ON_LOOPBACK.to_owned()], None),
+            Some(folder) => {
+                let (register, credentials) = enroll::open(folder)?;
+                (register.hub.iter().map(|address| format!("tls/{address}")).collect(), Some(credentials))
+            }
+        };
+        Ok((if self.connect.is_empty() { usual } else { self.connect.clone() }, credentials))
+    }
+}
+
 /// Asks a hub for its status. Blocks.
 ///
 /// # Errors
 /// When no hub answers, or none of that group, or the answer cannot be read.
-pub fn ask(group: &str, connect: &[String], stop: &Stop) -> anyhow::Result<StatusDocument> {
+pub fn ask(
+    group: &str,
+    connect: &[String],
+    credentials: Option<Credentials>,
+    stop: &Stop,
+) -> anyhow::Result<StatusDocument> {
     let key = hub_status_key(group)?;
     // The link is an agent's; nothing is published on it.
     let nobody = AgentConfig::new(group, "status", Source::Epochs(Arc::default()));
-    let config = AgentConfig { connect: connect.to_vec(), patience: PATIENCE, ..nobody };
+    let config = AgentConfig { connect: connect.to_vec(), credentials, patience: PATIENCE, ..nobody };
     let session = link::connect(&config, stop)?.context("stopped before a hub has answered")?;
     let replies = session.get(key).timeout(PATIENCE).wait().map_err(zenoh_error)?;
     let answer = replies.recv().ok();
