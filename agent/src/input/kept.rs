@@ -4,6 +4,8 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::PathBuf;
 
+use cofix_common::skips::Skips;
+
 use super::{Bytes, Portion};
 use crate::Stop;
 
@@ -69,10 +71,20 @@ impl Bytes for Kept {
     fn failure_reason(&self) -> Option<&str> {
         self.source.failure_reason()
     }
+
+    fn rejected(&mut self, reason: &str) -> bool {
+        self.source.rejected(reason)
+    }
+
+    fn skips(&self) -> Option<&Skips> {
+        self.source.skips()
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use cofix_common::skips::Reason;
+
     use super::*;
 
     /// Gives these portions.
@@ -84,6 +96,33 @@ mod tests {
             *buffer = text.as_bytes().to_vec();
             Ok(portion)
         }
+    }
+
+    /// A port on which a sender of garbage is closed and counted.
+    #[derive(Default)]
+    struct Port(Skips);
+
+    impl Bytes for Port {
+        fn next(&mut self, _buffer: &mut Vec<u8>, _stop: &Stop) -> std::io::Result<Portion> {
+            Ok(Portion::End)
+        }
+
+        fn rejected(&mut self, reason: &str) -> bool {
+            self.0.add(Reason::SenderOfNoObservations, || reason.to_owned());
+            true
+        }
+
+        fn skips(&self) -> Option<&Skips> {
+            Some(&self.0)
+        }
+    }
+
+    #[test]
+    fn a_source_that_is_kept_goes_on_with_another_sender_and_counts() {
+        let files = RawFiles { stem: PathBuf::from("none"), limit_bytes: 30 };
+        let mut kept = Kept::new(Box::new(Port::default()), files);
+        assert!(kept.rejected("no format"));
+        assert_eq!(kept.skips().unwrap().count(Reason::SenderOfNoObservations), 1);
     }
 
     #[test]
