@@ -29,6 +29,7 @@ use crate::outputs::Outputs;
 use crate::status::Watcher;
 
 use load::Load;
+use screened::warn_of_stranger;
 use steady::Steady;
 
 /// Longest wait of the thread for an event before it looks at the clock.
@@ -328,7 +329,7 @@ impl Group {
     }
 
     fn alive(&mut self, phone: &str, alive: bool) {
-        let Some(index) = self.intake.index(phone) else { return };
+        let Some(index) = self.intake.index(phone) else { return warn_of_stranger(phone) };
         self.note_alive(phone, alive);
         tracing::info!("{phone}: agent {}", if alive { "is here" } else { "is gone" });
         if alive {

@@ -4,13 +4,17 @@ use std::collections::BTreeMap;
 
 use cofix_common::skips::Skips;
 
-use super::Group;
+use super::{Course, Group};
 use crate::network::Event;
 use crate::network::intake::words::tamed;
 
 impl Group {
-    /// Replaces what is refused by counts, so that a flood costs neither the journal nor the steps after it.
+    /// Replaces what is refused by counts, so that a flood costs neither the journal nor the steps after it. A replay has no journal, and its
+    /// agents are in this process: there nothing is read twice for that.
     pub(super) fn screen(&self, events: Vec<Event>) -> Vec<Event> {
+        if self.parts.course == Course::Replay {
+            return events;
+        }
         let mut refused: BTreeMap<Option<usize>, Skips> = BTreeMap::new();
         let mut kept = Vec::with_capacity(events.len());
         for event in events {
@@ -18,10 +22,7 @@ impl Group {
                 Event::Alive { phone, .. } | Event::Answered { phone, .. }
                     if self.intake.index(phone).is_none() =>
                 {
-                    let phone = tamed(phone);
-                    tracing::warn!(
-                        "an agent for '{phone}' is here, but the session does not name that phone"
-                    );
+                    warn_of_stranger(phone);
                 }
                 _ => match self.intake.refusal(&event) {
                     None => kept.push(event),
@@ -38,4 +39,10 @@ impl Group {
         kept.extend(refused.map(|(phone, skips)| Event::Refused { phone: phone.and_then(name), skips }));
         kept
     }
+}
+
+/// Says that an agent's phone is not one of the session's.
+pub(super) fn warn_of_stranger(phone: &str) {
+    let phone = tamed(phone);
+    tracing::warn!("an agent for '{phone}' is here, but the session does not name that phone");
 }

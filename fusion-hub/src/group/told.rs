@@ -23,16 +23,19 @@ impl Group {
     pub(super) fn tell(&mut self, moment: Moment) {
         let Some(mut watcher) = self.watcher.take() else { return };
         if watcher.is_due(moment.now) {
-            let phones = (0..self.parts.phones.len()).filter_map(|phone| self.counts(phone)).collect();
-            watcher.tell(&self.parts.name, self.parts.outputs.tally.epochs, phones, moment);
+            watcher.tell(&self.parts.name, self.parts.outputs.tally.epochs, self.counts(), moment);
         }
         self.watcher = Some(watcher);
     }
 
-    fn counts(&self, phone: usize) -> Option<(String, Counts)> {
-        let name = self.parts.phones.get(phone)?.clone();
-        let lost = self.lost().get(&name).copied().unwrap_or_default();
-        let skips = self.phone_skips(phone);
-        Some((name, Counts { lost, late: skips.count(Reason::EpochTooLate), skips }))
+    /// What is counted of each phone, in the session's order.
+    fn counts(&self) -> Vec<(String, Counts)> {
+        let mut lost = self.lost();
+        let counts = |(phone, name): (usize, &String)| {
+            let skips = self.phone_skips(phone);
+            let (lost, late) = (lost.remove(name).unwrap_or_default(), skips.count(Reason::EpochTooLate));
+            (name.clone(), Counts { lost, late, skips })
+        };
+        self.parts.phones.iter().enumerate().map(counts).collect()
     }
 }

@@ -24,10 +24,8 @@ impl Entrance {
     /// Takes a message, if its phone may send that much.
     pub(super) fn take(&self, sample: &Sample, event: impl FnOnce(Arrival) -> Event) {
         let Some(phone) = phone_of_key(sample.key_expr().as_str()) else { return };
-        if self.is_open_for(phone, sample.payload().len())
-            && let Some(arrival) = arrival(sample)
-        {
-            self.send(event(arrival));
+        if self.is_open_for(phone, sample.payload().len()) && sample.kind() == SampleKind::Put {
+            self.send(event(arrival(phone, sample)));
         }
     }
 
@@ -63,11 +61,7 @@ impl Entrance {
     }
 }
 
-fn arrival(sample: &Sample) -> Option<Arrival> {
-    if sample.kind() != SampleKind::Put {
-        return None;
-    }
+fn arrival(phone: &str, sample: &Sample) -> Arrival {
     let sender = sample.source_info().map(|info| info.source_id().zid().to_string());
-    let phone = phone_of_key(sample.key_expr().as_str())?.to_owned();
-    Some(Arrival { phone, sender, bytes: sample.payload().to_bytes().into_owned() })
+    Arrival { phone: phone.to_owned(), sender, bytes: sample.payload().to_bytes().into_owned() }
 }

@@ -22,8 +22,14 @@ const TELL: Duration = Duration::from_secs(1);
 /// The allowances of a group's phones.
 #[derive(Debug)]
 pub(super) struct Gate {
-    /// The last of them for all phones that the group does not know.
-    accounts: Mutex<BTreeMap<Option<String>, Account>>,
+    accounts: Mutex<Accounts>,
+}
+
+#[derive(Debug)]
+struct Accounts {
+    phones: BTreeMap<String, Account>,
+    /// Of all phones that the group does not know.
+    strangers: Account,
 }
 
 #[derive(Debug)]
@@ -37,7 +43,7 @@ struct Account {
 }
 
 /// What to tell of a message.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Passage {
     /// Whether it is let in.
     pub(super) is_open: bool,
@@ -52,8 +58,8 @@ impl Gate {
     pub(super) fn new(phones: &[String], now: Instant) -> Self {
         let account =
             || Account { allowance: Allowance::new(AT_ONCE, PER_S, now), shed: 0, told: now, untold: None };
-        let names = phones.iter().cloned().map(Some).chain([None]);
-        Self { accounts: Mutex::new(names.map(|name| (name, account())).collect()) }
+        let phones = phones.iter().map(|name| (name.clone(), account())).collect();
+        Self { accounts: Mutex::new(Accounts { phones, strangers: account() }) }
     }
 
     /// A message of so many bytes under a phone's name.
@@ -81,11 +87,10 @@ impl Gate {
         })
     }
 
-    fn with<T: Default>(&self, phone: &str, change: impl FnOnce(&mut Account) -> T) -> T {
+    fn with<T>(&self, phone: &str, change: impl FnOnce(&mut Account) -> T) -> T {
         let mut accounts = self.accounts.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = Some(phone.to_owned());
-        let key = if accounts.contains_key(&key) { key } else { None };
-        accounts.get_mut(&key).map(change).unwrap_or_default()
+        let Accounts { phones, strangers } = &mut *accounts;
+        change(phones.get_mut(phone).unwrap_or(strangers))
     }
 }
 
