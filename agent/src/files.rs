@@ -75,6 +75,13 @@ pub fn check_outputs(outputs: &[Named], inputs: &[Named]) -> Result<(), OutputEr
     Ok(())
 }
 
+/// `STEM.NUMBER.EXTENSION`, whatever dots the stem has.
+pub fn numbered(stem: &Path, number: u64, extension: &str) -> PathBuf {
+    let mut name = stem.as_os_str().to_owned();
+    name.push(format!(".{number}.{extension}"));
+    name.into()
+}
+
 /// Whether an output may be created. A device or a pipe may always be written to.
 ///
 /// # Errors

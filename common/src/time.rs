@@ -16,6 +16,8 @@ pub(crate) use leap_seconds::{corrected_leap_seconds, leap_seconds_by, leap_seco
 
 /// Seconds in a GPS week.
 pub const SECONDS_PER_WEEK: f64 = 604_800.0;
+/// Seconds per day without a leap second.
+pub const SECONDS_PER_DAY: f64 = WHOLE_SECONDS_PER_DAY as f64;
 /// Period of the week number in GPS messages (IS-GPS-200, 20.3.3.3.1.1); careless receivers are wrong by one or two periods.
 pub const WEEKS_PER_ROLLOVER: i64 = 1_024;
 /// BeiDou time is 14 s behind GPS time (BDS-SIS-ICD, 3.3).
@@ -24,7 +26,7 @@ pub const BEIDOU_BEHIND_GPS_S: f64 = 14.0;
 pub const BEIDOU_WEEK_OFFSET: i64 = 1356;
 
 const NANOS_PER_SECOND: i64 = 1_000_000_000;
-const SECONDS_PER_DAY: i64 = 86_400;
+const WHOLE_SECONDS_PER_DAY: i64 = 86_400;
 /// Days from 1970-01-01 to 1980-01-06.
 const UNIX_TO_GPS_DAYS: i64 = 3_657;
 
@@ -84,7 +86,7 @@ impl GpsTime {
         let whole = tow_s.floor();
         let fraction = ((tow_s - whole) * NANOS_PER_SECOND as f64).round();
         #[allow(clippy::cast_possible_truncation)] // saturates on absurd input, checked at the parsers
-        let seconds = (week.saturating_mul(7 * SECONDS_PER_DAY)).saturating_add(whole as i64);
+        let seconds = (week.saturating_mul(7 * WHOLE_SECONDS_PER_DAY)).saturating_add(whole as i64);
         #[allow(clippy::cast_possible_truncation)]
         let nanos = seconds.saturating_mul(NANOS_PER_SECOND).saturating_add(fraction as i64);
         Self { nanos }
@@ -108,7 +110,7 @@ impl GpsTime {
             return None;
         }
         let days = days_from_civil(i64::from(year), i64::from(month), i64::from(day)) - UNIX_TO_GPS_DAYS;
-        let seconds = days * SECONDS_PER_DAY + i64::from(hour) * 3_600 + i64::from(minute) * 60;
+        let seconds = days * WHOLE_SECONDS_PER_DAY + i64::from(hour) * 3_600 + i64::from(minute) * 60;
         #[allow(clippy::cast_possible_truncation)] // second < 61
         let fraction = (second * NANOS_PER_SECOND as f64).round() as i64;
         Some(Self { nanos: seconds * NANOS_PER_SECOND + fraction })
@@ -121,7 +123,7 @@ impl GpsTime {
         if !(FIRST..=LAST).contains(&millis) {
             return None;
         }
-        let utc_millis = millis - UNIX_TO_GPS_DAYS * SECONDS_PER_DAY * 1_000;
+        let utc_millis = millis - UNIX_TO_GPS_DAYS * WHOLE_SECONDS_PER_DAY * 1_000;
         let utc = Self { nanos: utc_millis * (NANOS_PER_SECOND / 1_000) };
         Some(Self { nanos: utc.nanos + leap_seconds_at(utc) * NANOS_PER_SECOND })
     }
@@ -130,8 +132,9 @@ impl GpsTime {
     pub fn calendar(self) -> Calendar {
         let seconds = self.nanos.div_euclid(NANOS_PER_SECOND);
         let nanos = self.nanos.rem_euclid(NANOS_PER_SECOND);
-        let (year, month, day) = civil_from_days(seconds.div_euclid(SECONDS_PER_DAY) + UNIX_TO_GPS_DAYS);
-        let of_day = seconds.rem_euclid(SECONDS_PER_DAY);
+        let (year, month, day) =
+            civil_from_days(seconds.div_euclid(WHOLE_SECONDS_PER_DAY) + UNIX_TO_GPS_DAYS);
+        let of_day = seconds.rem_euclid(WHOLE_SECONDS_PER_DAY);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // of_day is in [0, 86400)
         Calendar {
             year: year as i32,
@@ -145,7 +148,7 @@ impl GpsTime {
 
     /// Full GPS week number, without rollover.
     pub const fn week(self) -> i64 {
-        self.nanos.div_euclid(7 * SECONDS_PER_DAY * NANOS_PER_SECOND)
+        self.nanos.div_euclid(7 * WHOLE_SECONDS_PER_DAY * NANOS_PER_SECOND)
     }
 
     /// Weeks to add to this time, a multiple of 1,024 and not 0, to come within ten days of `other`: the week number has then
@@ -173,7 +176,7 @@ impl GpsTime {
 
     /// Seconds into the GPS week, in [0, 604800).
     pub fn tow_s(self) -> f64 {
-        let nanos = self.nanos.rem_euclid(7 * SECONDS_PER_DAY * NANOS_PER_SECOND);
+        let nanos = self.nanos.rem_euclid(7 * WHOLE_SECONDS_PER_DAY * NANOS_PER_SECOND);
         let whole = nanos / NANOS_PER_SECOND;
         whole as f64 + (nanos % NANOS_PER_SECOND) as f64 * 1e-9
     }
@@ -181,7 +184,7 @@ impl GpsTime {
     /// Nanoseconds since 1970-01-01 of the same calendar reading. GPS time is shown as if it were UTC: the clock of
     /// a viewer then shows GPS time, 18 s ahead of UTC since 2017.
     pub const fn as_unix_calendar_nanos(self) -> i64 {
-        self.nanos.saturating_add(UNIX_TO_GPS_DAYS * SECONDS_PER_DAY * NANOS_PER_SECOND)
+        self.nanos.saturating_add(UNIX_TO_GPS_DAYS * WHOLE_SECONDS_PER_DAY * NANOS_PER_SECOND)
     }
 
     /// Seconds from `earlier` to `self`, negative if `self` is the earlier one.

@@ -7,7 +7,6 @@ mod hubs;
 #[allow(dead_code)] // it is not slow here
 mod slow_link;
 
-use std::path::Path;
 use std::process::{Child, Command};
 use std::time::Duration;
 
@@ -15,7 +14,7 @@ use assert_cmd::Command as Checked;
 use cofix_agent::AgentConfig;
 use cofix_common::simulation::Scenario;
 use cofix_hub::replay::Plan;
-use hubs::{free_endpoint, limits, read, start_agent, start_agents, start_hub, write_session};
+use hubs::{free_endpoint, limits, read, start_agent, start_hub, undisturbed, write_session};
 use rand::seq::IndexedRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -44,18 +43,6 @@ fn disturbances() -> usize {
 fn plan(disturbances: usize) -> Plan {
     let duration_s = 80.0 + 40.0 * disturbances as f64;
     cofix_hub::demo::plan(Scenario { duration_s, ..Scenario::car(3) }).unwrap()
-}
-
-/// Positions of a hub that nothing disturbs.
-fn undisturbed(folder: &Path, plan: &Plan) -> String {
-    let endpoint = free_endpoint();
-    let outputs = ["--no-journal", "--positions", "undisturbed.csv"];
-    let mut hub = start_hub(folder, &endpoint, LATENCY_S, &outputs);
-    for agent in start_agents(plan, &endpoint) {
-        agent.join().unwrap().unwrap();
-    }
-    assert!(limits::ended(&mut hub).success());
-    read(folder, "undisturbed.csv")
 }
 
 fn signal(hub: &Child, name: &str) {
@@ -106,7 +93,7 @@ fn after_kills_pauses_and_cuts_nothing_is_lost() {
     let count = disturbances();
     let plan = plan(count);
     write_session(folder.path(), &plan);
-    let expected = undisturbed(folder.path(), &plan);
+    let expected = undisturbed(folder.path(), &plan, LATENCY_S);
     let endpoint = free_endpoint();
     let start = || start_hub(folder.path(), &endpoint, LATENCY_S, &OUTPUTS);
     let mut hub = start();

@@ -9,21 +9,8 @@ use std::time::Duration;
 
 use assert_cmd::Command as Checked;
 use cofix_agent::AgentConfig;
-use cofix_hub::replay::Plan;
-use hubs::{free_endpoint, limits, plan, read, start_agent, start_agents, start_hub, write_session};
+use hubs::{free_endpoint, limits, plan, read, start_agent, start_hub, undisturbed, write_session};
 use serde_json::Value;
-
-/// The positions of a hub to which everything came in time.
-fn undisturbed(folder: &Path, plan: &Plan) -> String {
-    let endpoint = free_endpoint();
-    let outputs = ["--no-journal", "--positions", "undisturbed.csv"];
-    let mut hub = start_hub(folder, &endpoint, "20", &outputs);
-    for agent in start_agents(plan, &endpoint) {
-        agent.join().unwrap().unwrap();
-    }
-    assert!(limits::ended(&mut hub).success());
-    read(folder, "undisturbed.csv")
-}
 
 fn report(folder: &Path, name: &str) -> Value {
     serde_json::from_str(&read(folder, name)).unwrap()
@@ -53,7 +40,7 @@ fn epochs_that_came_too_late_are_fused_after_the_fact() {
     let folder = tempfile::tempdir().unwrap();
     let plan = plan();
     write_session(folder.path(), &plan);
-    let expected = undisturbed(folder.path(), &plan);
+    let expected = undisturbed(folder.path(), &plan, "20");
     let endpoint = free_endpoint();
     let outputs = ["--journal", "live.mcap", "--report", "live.json", "--positions", "live.csv"];
     let mut hub = start_hub(folder.path(), &endpoint, "0.5", &outputs);
@@ -79,7 +66,7 @@ fn what_two_hubs_have_of_one_trial_counts_once() {
     let folder = tempfile::tempdir().unwrap();
     let plan = plan();
     write_session(folder.path(), &plan);
-    let expected = undisturbed(folder.path(), &plan);
+    let expected = undisturbed(folder.path(), &plan, "20");
     let endpoint = free_endpoint();
     let mut hub = start_hub(folder.path(), &endpoint, "20", &["--journal", "one.mcap"]);
     // They keep three seconds' epochs: another hub does not get the first of them.

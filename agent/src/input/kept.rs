@@ -8,6 +8,7 @@ use cofix_common::skips::Skips;
 
 use super::{Bytes, Portion};
 use crate::Stop;
+use crate::files::numbered;
 
 /// Where raw input is kept.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,7 +23,7 @@ pub struct RawFiles {
 pub(crate) struct Kept {
     source: Box<dyn Bytes>,
     files: RawFiles,
-    number: u32,
+    number: u64,
     /// `None` before the first byte of a file, and after the end of keeping.
     file: Option<File>,
     left_bytes: u64,
@@ -42,9 +43,7 @@ impl Kept {
         })?;
         if self.file.is_none() {
             self.number += 1;
-            let mut name = self.files.stem.as_os_str().to_owned();
-            name.push(format!(".{}.raw", self.number));
-            let path = PathBuf::from(name);
+            let path = numbered(&self.files.stem, self.number, "raw");
             path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
             self.file = Some(OpenOptions::new().write(true).create_new(true).open(path)?);
         }

@@ -7,11 +7,11 @@ pub mod compact;
 
 use std::path::{Path, PathBuf};
 
-use cofix_common::time::GpsTime;
+use cofix_common::time::{GpsTime, SECONDS_PER_DAY};
 use cofix_common::wire::{KeyNameError, check_name};
 use serde::{Deserialize, Serialize};
 
-use crate::publication::endpoint::host_and_port;
+use crate::publication::endpoint::{host_and_port, secured_endpoints};
 use crate::publication::secured::Credentials;
 
 /// Version of the file and of the line.
@@ -20,8 +20,6 @@ const VERSION: u32 = 1;
 const MAXIMUM_BYTES: u64 = 64 * 1024;
 /// How long before its end it is said that a certificate ends, days.
 pub const WARNING_DAYS: f64 = 14.0;
-
-const SECONDS_PER_DAY: f64 = 86_400.0;
 
 /// What a phone needs to join a group.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -131,7 +129,7 @@ impl Join {
 
     /// Zenoh's endpoints of the hub.
     pub fn endpoints(&self) -> Vec<String> {
-        self.hub.iter().map(|address| format!("tls/{address}")).collect()
+        secured_endpoints(&self.hub)
     }
 }
 
@@ -148,10 +146,15 @@ fn parse_text(text: &str) -> Result<Join, String> {
     Ok(Join { group, phone, hub, expires, credentials: Credentials { certificate, key, authority } })
 }
 
+/// `YYYY-MM-DD`, GPS time.
+pub fn day(time_gps: GpsTime) -> String {
+    time_gps.iso().chars().take(10).collect()
+}
+
 /// What to say of a certificate that ends at `expires`, if it has ended or ends within [`WARNING_DAYS`].
 pub fn about_expiry(expires: GpsTime, now: GpsTime) -> Option<String> {
     let days = (expires - now) / SECONDS_PER_DAY;
-    let day = expires.iso().chars().take(10).collect::<String>();
+    let day = day(expires);
     if days <= 0.0 {
         Some(format!("the certificate ended on {day}"))
     } else if days <= WARNING_DAYS {

@@ -82,6 +82,11 @@ pub fn host_and_port(address: &str) -> Result<(&str, u16), &'static str> {
     Ok((in_brackets.unwrap_or(host), port))
 }
 
+/// Zenoh's endpoints in TLS at addresses `HOST:PORT`.
+pub fn secured_endpoints(addresses: &[String]) -> Vec<String> {
+    addresses.iter().map(|address| format!("tls/{address}")).collect()
+}
+
 /// Whether only this computer reaches an endpoint.
 pub fn is_on_loopback(endpoint: &str) -> bool {
     let address = endpoint.split_once('/').map_or(endpoint, |(_, address)| address);

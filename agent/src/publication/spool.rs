@@ -8,6 +8,8 @@ use std::fs::{File, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use crate::files::numbered;
+
 /// Into how many files the limit is divided.
 const FILES: u64 = 8;
 /// Length, checksum, sequence number.
@@ -69,9 +71,7 @@ impl Spool {
 
     fn begin_file(&mut self) -> Result<()> {
         self.number += 1;
-        let mut name = self.stem.as_os_str().to_owned();
-        name.push(format!(".{}.epochs", self.number));
-        let path = PathBuf::from(name);
+        let path = numbered(&self.stem, self.number, "epochs");
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path)?;
         self.files.push_back(Part { path, file, bytes: 0, places: Vec::new() });
         let size = |files: &VecDeque<Part>| files.iter().map(|part| part.bytes).sum::<u64>();

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Direction, Geodetic};
-use crate::time::GpsTime;
+use crate::time::{GpsTime, SECONDS_PER_DAY};
 
 /// Frequency of the model's delay, Hz: GPS L1, Galileo E1, BeiDou B1C.
 pub(crate) const L1_HZ: f64 = 1575.42e6;
@@ -16,7 +16,6 @@ pub(super) const NIGHT_S: f64 = 5e-9;
 pub(super) const PEAK_S: f64 = 50_400.0;
 /// Minimum period of the daily cosine, s.
 pub(super) const SHORTEST_PERIOD_S: f64 = 72_000.0;
-pub(super) const SECONDS_PER_DAY: f64 = 86_400.0;
 
 /// The eight broadcast coefficients of one day, of GPS' model or of BeiDou's
 /// ([`beidou_klobuchar_delay_b1i_m`](super::beidou_klobuchar_delay_b1i_m)); the two are not interchangeable.

@@ -4,11 +4,11 @@
 use std::f64::consts::{PI, TAU};
 
 use super::KlobucharCoefficients;
-use super::klobuchar::{NIGHT_S, PEAK_S, SECONDS_PER_DAY, SHORTEST_PERIOD_S, cubic};
+use super::klobuchar::{NIGHT_S, PEAK_S, SHORTEST_PERIOD_S, cubic};
 use super::shell::Shell;
 use crate::constants::SPEED_OF_LIGHT_MPS;
 use crate::frames::{Direction, Geodetic};
-use crate::time::{BEIDOU_BEHIND_GPS_S, GpsTime};
+use crate::time::{BEIDOU_BEHIND_GPS_S, GpsTime, SECONDS_PER_DAY};
 
 /// Frequency of the model's delay, Hz: B1I.
 pub const B1I_HZ: f64 = 1561.098e6;

@@ -1,6 +1,6 @@
 //! Difference between GPS time and UTC.
 
-use super::{GpsTime, NANOS_PER_SECOND, SECONDS_PER_DAY, UNIX_TO_GPS_DAYS, days_from_civil};
+use super::{GpsTime, NANOS_PER_SECOND, UNIX_TO_GPS_DAYS, WHOLE_SECONDS_PER_DAY, days_from_civil};
 
 /// Year, month and the difference in seconds from its first day on (IERS Bulletin C, up to 2017).
 const STEPS: [(i64, i64, i64); 18] = [
@@ -41,7 +41,7 @@ const fn steps_by_nanos() -> [(i64, i64); STEPS.len()] {
 }
 
 const fn first_of_month(year: i64, month: i64) -> i64 {
-    (days_from_civil(year, month, 1) - UNIX_TO_GPS_DAYS) * SECONDS_PER_DAY * NANOS_PER_SECOND
+    (days_from_civil(year, month, 1) - UNIX_TO_GPS_DAYS) * WHOLE_SECONDS_PER_DAY * NANOS_PER_SECOND
 }
 
 /// Seconds by which GPS time is ahead of UTC on a date in UTC, read as if it were GPS time. After the last known step

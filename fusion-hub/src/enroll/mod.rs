@@ -19,9 +19,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use cofix_agent::clock;
-use cofix_agent::join::{Join, compact};
+use cofix_agent::join::{Join, compact, day};
 use cofix_agent::publication::endpoint::host_and_port;
-use cofix_common::time::GpsTime;
+use cofix_common::time::{GpsTime, SECONDS_PER_DAY};
 use cofix_common::wire::check_name;
 
 use certificates::{Authority, Issued};
@@ -31,7 +31,6 @@ pub use register::{Member, Register};
 
 /// How long an authority lasts, days. Its certificates end when it does.
 const AUTHORITY_DAYS: u32 = 3_650;
-const SECONDS_PER_DAY: f64 = 86_400.0;
 
 /// What is asked of `cofix-hub enroll`.
 #[derive(Clone, Debug, clap::Args)]
@@ -157,7 +156,7 @@ fn join(register: &Register, phone: &str, expires: GpsTime, issued: Issued, auth
 
 fn summary(register: &Register, path: &std::path::Path, expires: GpsTime) -> String {
     let names: Vec<&str> = register.phones.iter().map(|member| member.name.as_str()).collect();
-    let day: String = expires.iso().chars().take(10).collect();
+    let day = day(expires);
     format!(
         "Group '{}' at {}: {} (certificates of today end on {day}).\n\
          Hub: cofix-hub run SESSION --enrolled {}; one that runs already takes the change when it is started again.",

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
+use cofix_agent::publication::endpoint::secured_endpoints;
 use cofix_agent::publication::link;
 use cofix_agent::publication::secured::Credentials;
 use cofix_agent::{AgentConfig, Source, Stop};
@@ -49,7 +50,7 @@ impl Arguments {
             None => (vec![ON_LOOPBACK.to_owned()], None),
             Some(folder) => {
                 let (register, credentials) = enroll::open(folder)?;
-                (register.hub.iter().map(|address| format!("tls/{address}")).collect(), Some(credentials))
+                (secured_endpoints(&register.hub), Some(credentials))
             }
         };
         Ok((if self.connect.is_empty() { usual } else { self.connect.clone() }, credentials))

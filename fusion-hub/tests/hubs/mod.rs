@@ -71,6 +71,18 @@ pub fn start_agent(plan: &Plan, phone: &PlannedPhone, endpoint: &str, kept_messa
     limits::spawn(move || cofix_agent::run(&config, &Stop::default()))
 }
 
+/// The positions of a hub to which everything came in time, in `undisturbed.csv` too.
+pub fn undisturbed(folder: &Path, plan: &Plan, latency_s: &str) -> String {
+    let endpoint = free_endpoint();
+    let mut hub =
+        start_hub(folder, &endpoint, latency_s, &["--no-journal", "--positions", "undisturbed.csv"]);
+    for agent in start_agents(plan, &endpoint) {
+        agent.join().unwrap().unwrap();
+    }
+    assert!(limits::ended(&mut hub).success());
+    read(folder, "undisturbed.csv")
+}
+
 pub fn read(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap()
 }

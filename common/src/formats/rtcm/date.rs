@@ -4,7 +4,7 @@
 //! (DF129) and the four years from 1996 (DF134).
 
 use crate::gnss::SatelliteId;
-use crate::time::{GpsTime, SECONDS_PER_WEEK};
+use crate::time::{GpsTime, SECONDS_PER_DAY, SECONDS_PER_WEEK};
 
 /// A week as sent is that of the transmission, or, of other encoders, that of the reference time. So within this of a week's end the reference
 /// time may lie in the week after or before the one sent, s. Ephemerides are sent for less time before and after their reference.
@@ -13,7 +13,6 @@ const NEXT_TO_WEEKS_END_S: f64 = 6.0 * 3_600.0;
 const NEXT_TO_DAYS_END_S: f64 = 3_600.0;
 /// The GPS week of the first edition of RTCM 3, February 2004: no stream is older.
 pub const FIRST_WEEK: i64 = 1_255;
-const SECONDS_PER_DAY: f64 = 86_400.0;
 /// GLONASS' days begin in Moscow.
 const MOSCOW_AHEAD_S: f64 = 3.0 * 3_600.0;
 /// Nearer than this to where the stream is (s), an ephemeris moves it at once; farther away it takes two that agree.

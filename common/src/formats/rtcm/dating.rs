@@ -13,7 +13,7 @@ use super::{MAX_BYTES_BEFORE_FIRST_FRAME, RtcmOptions, ephemeris, frame, glonass
 use crate::formats::bits::Bits;
 use crate::gnss::Constellation;
 use crate::skips::Skips;
-use crate::time::{GpsTime, SECONDS_PER_WEEK};
+use crate::time::{GpsTime, SECONDS_PER_DAY, SECONDS_PER_WEEK};
 
 /// A longer step, forward or back, begins another part of a recording, s.
 const PART_S: f64 = 3_600.0;
@@ -23,7 +23,6 @@ const MOST_PARTS: usize = 1_000;
 const LAST_CHANGE_SLACK_S: f64 = 14.0 * 3_600.0;
 /// The same where the day is searched for and not the week, s.
 const LAST_CHANGE_SLACK_OF_DAYS_S: f64 = 3_600.0;
-const SECONDS_PER_DAY: f64 = 86_400.0;
 
 /// What stands for a recording's date.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

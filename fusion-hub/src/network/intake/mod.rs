@@ -156,7 +156,7 @@ impl Intake {
     pub fn status(&mut self, arrival: &Arrival) -> Option<Notice> {
         let (phone, intake) = self.intake_of(arrival)?;
         let message = intake.read(read::status(arrival))?;
-        intake.status(phone, arrival, words::tamed_status(message.status))
+        intake.status(phone, arrival, message.status)
     }
 
     /// Takes a part of an agent's answer to a question about its history. `None`, counted, when it is none.
@@ -172,9 +172,7 @@ impl Intake {
                 .epoch(arrival, *message, Heard { now, from_history: true })
                 .then_some(phone)
                 .map(Answer::Epoch),
-            Part::Status(message) => {
-                intake.status(phone, arrival, words::tamed_status(message.status)).map(Answer::Status)
-            }
+            Part::Status(message) => intake.status(phone, arrival, message.status).map(Answer::Status),
         }
     }
 

@@ -4,7 +4,7 @@ use cofix_common::skips::Reason;
 use cofix_common::wire::{EpochMessage, KeptMessage, MessageKind, StatusMessage, WireError, decode};
 
 use super::Arrival;
-use super::words::tamed;
+use super::words::{tamed, tamed_status};
 
 /// Why an arrival is refused, with the facts.
 pub(super) type Refusal = (Reason, String);
@@ -20,9 +20,12 @@ pub(super) fn epoch(arrival: &Arrival) -> Result<EpochMessage, Refusal> {
     decode(&arrival.bytes).map_err(|error| (Reason::MessageUnreadable, error.to_string()))
 }
 
+/// A status, with tamed texts.
 pub(super) fn status(arrival: &Arrival) -> Result<StatusMessage, Refusal> {
     match decode::<StatusMessage>(&arrival.bytes) {
-        Ok(message) if message.phone == arrival.phone => Ok(message),
+        Ok(StatusMessage { phone, status }) if phone == arrival.phone => {
+            Ok(StatusMessage { phone, status: tamed_status(status) })
+        }
         Ok(message) => Err((Reason::StatusOfOtherPhone, format!("it names '{}'", tamed(&message.phone)))),
         Err(error) => Err((Reason::StatusUnreadable, error.to_string())),
     }
